@@ -11,12 +11,11 @@ import pandas as pd
 from pipeline.annex import promises
 from pipeline.base.arrays import Array
 from pipeline.machine.effects.unlisted import NAME
-from pipeline.positions.laws import JointLaw
-from pipeline.positions.mechanism import layout
 from pipeline.reduction.bring import Keep
 
 if TYPE_CHECKING:
     from pipeline.positions.calibrate import Calibration
+    from pipeline.positions.laws import JointLaw
     from pipeline.positions.study import Study
 
 _ACROSS = 400
@@ -54,13 +53,13 @@ def identified(
 
 def _curves(found: Calibration) -> pd.DataFrame:
     """The curves of the joints with their uncertainties, and how many poses stand there."""
-    mechanism, at = found.mechanism, layout(found.mechanism).knots.start
+    mechanism, at = found.mechanism, len(found.known.std)  # knots follow what has a scale
     parts = []
     for curve in mechanism.curves[: len(found.wanted.curves)]:
         q = np.linspace(curve.first, curve.knots[-1], _ACROSS)
         part = slice(at, at + curve.count)
         rows = curve.rows(q)
-        var = np.asarray((rows @ found.solution.cov[part, part]).T * rows.T.toarray()).sum(axis=0)
+        var = np.asarray((rows @ found.solution.of(part)).T * rows.T.toarray()).sum(axis=0)
         seen, _ = np.histogram(found.readings.q[:, curve.joint], np.append(q, q[-1] + q[1] - q[0]))
         parts.append(
             pd.DataFrame(

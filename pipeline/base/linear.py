@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from scipy.linalg import lapack
+from scipy.linalg import blas, lapack
 
 from pipeline.base.arrays import Array, Bools, Ints
 
@@ -306,6 +306,11 @@ class Cholesky:
         return np.asarray(scale * found)
 
     @property
+    def root(self) -> Array:
+        """Upper triangular R with R R' = A^-1."""
+        return np.asarray(self.scale[:, None] * lapack.dtrtri(self.lower, lower=1)[0].T)
+
+    @property
     def inverse(self) -> Array:
         """A^-1, from its factor in a third of the time of a solution with a unit matrix."""
         half, _ = lapack.dpotri(self.lower, lower=1)  # zero above the diagonal, as its factor
@@ -331,6 +336,13 @@ def cholesky(A: Array) -> Cholesky:
     return Cholesky(lower, scale)
 
 
+def by_upper(X: Array, R: Array) -> Array:
+    """X R of rows X (M, k) by upper triangular R (k, k) and any more columns, (k, j)."""
+    k = len(R)
+    out = np.asarray(blas.dtrmm(1.0, R[:, :k].T, X.T, lower=1).T)
+    return out if R.shape[1] == k else np.column_stack([out, X @ R[:, k:]])
+
+
 def whitening(V: Array) -> Array:
     """W with W V W' = 1 for positive definite V, (..., k, k): inverse Cholesky factors.
 
@@ -349,28 +361,6 @@ def whitening(V: Array) -> Array:
         unit_rows = V / (size * np.swapaxes(size, -1, -2))
         L = size * np.linalg.cholesky(unit_rows + _ROUNDED * np.eye(V.shape[-1]))
     return np.asarray(np.linalg.inv(L) if L.ndim > 2 else lapack.dtrtri(L, lower=1)[0])
-
-
-def triangular(V: Array) -> tuple[Array, Array]:
-    """Cholesky factors L of positive definite V = L L', and their inverses, both (k, k, m).
-
-    For m small matrices along the last axis, (k, k, m): all rows of a column at once are faster
-    than a call for each matrix. V is regularised as in `whitening`.
-
-    Raises:
-        LinAlgError: A row has no variance.
-    """
-    L, W = np.zeros_like(V), np.zeros_like(V)
-    for j in range(len(V)):
-        column = V[j:, j] - np.einsum("ikm,km->im", L[j:, :j], L[j, :j])
-        if not (column[0] > 0).all():
-            if not (np.einsum("iim->im", V) > 0).all():
-                raise np.linalg.LinAlgError("a row has no variance")
-            return triangular(V + _ROUNDED * V * np.eye(len(V))[:, :, None])
-        W[j, j] = 1 / np.sqrt(column[0])
-        L[j:, j] = column * W[j, j]
-        W[j, :j] = -W[j, j] * np.einsum("km,kim->im", L[j, :j], W[:j, :j])
-    return L, W
 
 
 def factor(C: Array) -> Array:

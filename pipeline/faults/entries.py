@@ -22,12 +22,12 @@ from itertools import combinations
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 from scipy.spatial.transform import Rotation
 from scipy.special import logsumexp
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.tails import chi2_beyond
 from pipeline.faults.conventions import unloaded
 from pipeline.machine.robot import configure
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
@@ -216,7 +216,7 @@ class _Fit(Locked):
         if not np.isfinite(self.evidence):
             return 1.0
         square = float(self.shift @ linear.solve(self.cov, self.shift))
-        return float(stats.chi2.sf(square, len(self.shift)))
+        return float(chi2_beyond(square, len(self.shift)))
 
 
 @lru_cache(maxsize=1)  # used for the readings, and again when the answer is written

@@ -15,7 +15,8 @@ def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:
     m, n = unit.shape[:2]
     behind = np.arange(1, n + 1) >= carrier[:, None]
     both = screws @ unit.reshape(m, 4 * n, 6).swapaxes(1, 2)
-    return np.asarray(both * np.repeat(behind, 4, axis=1))
+    both *= np.repeat(behind, 4, axis=1)
+    return np.asarray(both)
 
 
 def usual(robot: Robot) -> tuple[Array, Array]:

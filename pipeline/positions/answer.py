@@ -351,7 +351,7 @@ def _letter_combinations(found: Calibration) -> tuple[contract.TableCombination,
 def _fit(found: Calibration) -> contract.Fit:
     e = found.rows.y - found.rows.along(found.solution.x)
     seen = found.linear.read
-    effective = float(np.sum(found.rows.variance(found.solution.cov).diagonal(axis1=1, axis2=2)))
+    effective = float(np.sum(found.rows.variance(found.solution).diagonal(axis1=1, axis2=2)))
     off = found.left.reshape(len(e), -1, 6)[..., :3][seen.reshape(len(e), -1, 6)[..., :3]]
     std = 1e3 * found.scatter.position
     return contract.Fit(

@@ -275,7 +275,7 @@ class _LinearFit:
     def _still(self, moved: Mechanism) -> bool:
         """Whether a step has hardly changed the compliances."""
         nominal, part = self.mechanism.table.nominal_compliance, layout(self.mechanism).compliance
-        std = np.sqrt(np.diag(self.found.cov))[part]
+        std = np.sqrt(self.found.var[part])
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         return bool((turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all())
 

@@ -193,17 +193,18 @@ class ReadRows(Locked):
         out = flat.reshape(self.y.shape)
         return out + np.einsum("mrk,mk->mr", self.K, x[dense:][self.at]) if self.knots else out
 
-    def variance(self, cov: Array) -> Array:
-        """X cov X' of each pose, shape (m, r, r)."""
-        dense, D = self.D.shape[2], self.D.reshape(-1, self.D.shape[2])
-        half = D @ cov[:dense, :dense]  # products of all rows, not one for each pose
+    def variance(self, found: Posterior) -> Array:
+        """X cov X' of each pose, shape (m, r, r), cov = R R' + C_k of the estimate."""
+        dense = self.D.shape[2]
+        half = linear.by_upper(self.D.reshape(-1, dense), found.root[:dense])
         if self.knots:
-            half += self._sparse @ (2 * cov[dense:, :dense])
-        out = half.reshape(self.D.shape) @ np.swapaxes(self.D, 1, 2)
+            half += self._sparse @ found.root[dense:]
+        half = half.reshape(*self.y.shape, -1)
+        out = half.copy() @ np.swapaxes(half, 1, 2)  # of one array, numpy takes a slower way
         if self.knots:
-            own = cov[dense:, dense:][self.at[:, :, None], self.at[:, None, :]]
+            own = found.knots[self.at[:, :, None], self.at[:, None, :]]
             out += self.K @ own @ np.swapaxes(self.K, 1, 2)
-        return np.asarray(0.5 * (out + np.swapaxes(out, 1, 2)))
+        return np.asarray(out)
 
 
 def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
@@ -222,13 +223,36 @@ class Posterior(Locked):
 
     Attributes:
         x: The parameters.
-        cov: Their covariance.
+        root: R with R R' their covariance, except for C_k, shape (size, at least dense): its first
+            columns, as many as there are dense parameters, are zero below the diagonal of these.
+        knots: C_k, covariance of the knots if all other parameters were known, (knots, knots).
         evidence: Logarithm of the marginal likelihood of the whitened rows.
     """
 
     x: Array
-    cov: Array
+    root: Array
+    knots: Array
     evidence: float
+
+    @cached_property
+    def cov(self) -> Array:
+        """Covariance of the parameters."""
+        return self.of(slice(None))
+
+    @cached_property
+    def var(self) -> Array:
+        """Variance of each parameter."""
+        var = np.sum(self.root**2, axis=1)
+        var[len(var) - len(self.knots) :] += np.diag(self.knots)
+        return np.asarray(var)
+
+    def of(self, part: slice) -> Array:
+        """Covariance of the parameters in a slice."""
+        first, end, _ = part.indices(len(self.x))
+        cov, dense = self.root[part] @ self.root[part].T, len(self.x) - len(self.knots)
+        one, knots = max(dense - first, 0), slice(max(first - dense, 0), max(end - dense, 0))
+        cov[one:, one:] += self.knots[knots, knots]
+        return np.asarray(cov)
 
 
 def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
@@ -262,9 +286,9 @@ def _of_unit_size(
 
 
 def _solve(
-    N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array
+    N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array, knots: int
 ) -> Posterior:
-    """Posterior from the products of rows and priors.
+    """Posterior from the products of rows and priors, the knots eliminated first.
 
     Args:
         N: X'X.
@@ -272,12 +296,21 @@ def _solve(
         square: y'y, for the evidence.
         prior_of: Prior precision, and the log of its determinant.
         mean: Prior mean.
+        knots: Number of knots, the last of the parameters.
     """
     P, log = prior_of
-    whole, right = factored(N + P), b + P @ mean
-    x = whole.solve(right)
+    A, right, dense = N + P, b + P @ mean, len(b) - knots
+    S, C, B = A, np.zeros((knots, knots)), np.zeros((knots, dense))
+    if knots:
+        own = factored(A[dense:, dense:])
+        C, B, log = own.inverse, own.solve(A[dense:, :dense]), log - own.log_det
+        S = A[:dense, :dense] - A[:dense, dense:] @ B
+    rest = factored(S)
+    root = np.concatenate([rest.root, -B @ rest.root])
+    x = root @ (root.T @ right)
+    x[dense:] += C @ right[dense:]
     chi2 = square + mean @ P @ mean - x @ right
-    return Posterior(x, whole.inverse, float(-0.5 * (chi2 + whole.log_det - log)))
+    return Posterior(x, root, C, float(-0.5 * (chi2 + rest.log_det - log)))
 
 
 def factored(A: Array) -> linear.Cholesky:
@@ -303,7 +336,7 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
         x0, d = mechanism.at(layout(mechanism)), damping(mechanism, known)
         N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
     mean = padded(known.mean, len(b))
-    return _solve(N, b, square, precision(mechanism, known), mean)
+    return _solve(N, b, square, precision(mechanism, known), mean, rows.knots)
 
 
 def held_step(
@@ -361,7 +394,7 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior, hung: bo
     """
     v = softened(mechanism)
     var = 1 / (hung * float(v @ rows.N @ v) + _FACTOR**-2)
-    return replace(found, cov=found.cov + var * np.outer(v, v))
+    return replace(found, root=np.column_stack([found.root, np.sqrt(var) * v]))
 
 
 _FACTOR = 1.1
@@ -403,7 +436,7 @@ def padded(head: Array, size: int) -> Array:
 def rougher(known: Prior, found: Posterior) -> Prior:
     """Prior with the roughness of the estimated DH parameters; free ones get their own."""
     k = len(known.turns)
-    second = found.x[:k] ** 2 + np.diag(found.cov)[:k]
+    second = found.x[:k] ** 2 + found.var[:k]
     std = known.std.copy()
     std[:k][known.free] = np.sqrt(second[known.free])
     for turns in (False, True):
@@ -411,7 +444,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         if len(rest):
             std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
     for one in known.groups:
-        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one], known.returning)
+        scale = _scale(found.x[one], found.var[one], std[one], known.returning)
         if scale != 1 and _impossible(found.x[one], known.signed[one]):
             scale = _LEAST
         std[one] = np.minimum(std[one] * scale, known.most[one])
@@ -472,7 +505,7 @@ def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:
     for curve in mechanism.curves:
         part = slice(at, at + curve.count)
         own = _inverse(curve)[0]
-        x, cov = found.x[part], found.cov[part, part]
+        x, cov = found.x[part], found.of(part)
         known = curve.count - float(np.einsum("ij,ji->", own, cov))
         share = float(x @ own @ x) / max(known, 1e-3)
         out.append(replace(curve, size=max(curve.size * np.sqrt(share), _SMALLEST)))
@@ -487,7 +520,7 @@ _SMALLEST = 1e-7
 def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:
     """Scatter estimated from the residuals and the uncertainty of the fit."""
     left = rows.y - rows.along(found.x)
-    products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
+    products = left[:, :, None] * left[:, None, :] + rows.variance(found)
     return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))
 
 

@@ -362,7 +362,7 @@ def _one_wave(
     return law_tests.sharpened(springs, first) if p < alarms.LAW else None
 
 
-def _shares(found: Calibration, joint: int, orders: Array) -> list[float]:
+def _shares(found: Calibration, joint: int, orders: Array) -> Array:
     """Fraction of the variance of a joint's curve that a wave of each order explains.
 
     Waves of the model over the same angle are taken from the curve first: it may be in their place.
@@ -370,15 +370,20 @@ def _shares(found: Calibration, joint: int, orders: Array) -> list[float]:
     q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
     f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
     own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
-    X = np.hstack([np.ones((len(q), 1)), *own])
-    return [_share(f, X, order * q) for order in orders]
+    X = linear.orthonormal(np.hstack([np.ones((len(q), 1)), *own]))
+    phase = orders * q[:, None]
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).reshape(len(q), -1)
+    f, rest = (one - X @ (X.T @ one) for one in (f, waves))
+    left, whole = (one.reshape(len(q), 2, -1) for one in (rest, waves))
+    known, _ = linear.left(
+        np.einsum("mij,mkj->jik", left, left), np.einsum("mij,mij->ji", whole, whole), _PROJECTED
+    )
+    g = np.einsum("mij,m->ji", left, f)
+    return np.asarray(np.einsum("ji,jik,jk->j", g, known, g) / max(float(f @ f), linear.TINY))
 
 
-def _share(f: Array, X: Array, phase: Array) -> float:
-    """Fraction of the variance of f, (m,), beside X (m, k) that a wave of this phase explains."""
-    both = X, np.column_stack([X, np.cos(phase), np.sin(phase)])
-    before, after = (float(np.var(f - one @ linear.least_squares(one, f))) for one in both)
-    return 1 - after / max(before, 1e-300)
+_PROJECTED = 1e-20
+"""Squared fraction of a column that rounding leaves of what is projected out of it [1]."""
 
 
 def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:

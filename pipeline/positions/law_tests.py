@@ -110,11 +110,11 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
         copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
             the estimate.
     """
-    rows, cov = found.rows, found.by_readings.cov
-    n, dense = found.mechanism.table.n, rows.D.shape[2]
+    rows, known = found.rows, found.by_readings
+    n, dense, cov = found.mechanism.table.n, rows.D.shape[2], known.cov
     Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
-    left = _as_noise(rows.variance(cov), e if copied is None else copied)
+    left = _as_noise(rows.variance(known), e if copied is None else copied)
     own, P, K = (np.swapaxes(Z, 1, 2) @ one for one in (left[..., None], rows.D, rows.K))
     P, Q = np.ascontiguousarray(np.swapaxes(P, 0, 1)), list(map(rows.by_knots, np.split(K, n, 1)))
     D, K = (left[:, None] @ one for one in (rows.D, rows.K))

@@ -109,5 +109,8 @@ class JointLaw:
             return np.sign(np.nan_to_num(v, nan=1.0))[:, None]
         v = np.nan_to_num(v)
         if self.periodic:
-            return np.stack([np.cos(self.order * v), np.sin(self.order * v)], axis=1)
+            out, phase = np.empty((len(v), 2)), self.order * v
+            np.cos(phase, out=out[:, 0])
+            np.sin(phase, out=out[:, 1])
+            return out
         return np.asarray(v[:, None].clip(-1.0, 1.0) ** self.order)

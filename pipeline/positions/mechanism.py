@@ -13,7 +13,7 @@ common to all readings of the pose.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import pairwise
@@ -178,19 +178,25 @@ class Mechanism(Locked):
         tip = self.tool[0, :3, 3] if tip is None else tip
         mass, centre = weights.at_poses(self.payload)
         here = configure(robot, q)
+        still = Inputs(q, np.zeros(q.shape), temperature, time, series)
+        bases = [law.basis(still) for law in self.laws]
         for _ in range(_TURNED):
             bent = here
             held = weight = carried(bent, weights.gravity, self.moments, mass, centre)
-            inputs = Inputs(q, work(bent.twists, held), temperature, time, series)
+            inputs = replace(still, tau=work(bent.twists, held))
+            bases = [
+                law.basis(inputs) if law.variable == "torque" else one
+                for law, one in zip(self.laws, bases, strict=True)
+            ]
             if force is not None and force.any():
                 at = bent.points(tip[None])[:, 0]
                 held = held + np.concatenate([np.cross(at, force), force], axis=1)[:, None]
             tau = work(bent.twists, held)
-            here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))
+            here = configure(robot, q + self._turned(q, tau, bases))
         yields = Virtual(self.elements, here)
         bed = _bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
         screws, carrier = yields.screws, yields.carrier
-        balancer = self._balancer(inputs)
+        balancer = self._balancer(q.shape, bases)
         borne = yields.torques(held, weight, balancer)
         amounts = yields.answers(borne) * self.yields[yields.parameter]
         if bed is not None:
@@ -198,35 +204,36 @@ class Mechanism(Locked):
             carrier = np.append(carrier, np.ones(6, dtype=np.int64))
             amounts = np.concatenate([amounts, self._bed(q)], axis=1)
         at = here.points(self.tool[:, :3, 3])
-        turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
+        turn = here.flange_axes[:, None] @ self.tool[:, :3, :3]
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return PlacedRobot(inputs, tau, balancer, borne, bent, here, yields, bed, at, turn)
+        return PlacedRobot(inputs, bases, tau, balancer, borne, bent, here, yields, bed, at, turn)
 
-    def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
+    def _turned(self, q: Array, tau: Array, bases: Sequence[Array]) -> Array:
         """Deviation of each joint from its encoder value [m] or [rad], shape (m, n).
 
         Args:
-            loaded: Inputs with the torques of weight and force, which act on the springs.
-            inputs: Inputs with the torques of the weight, which the laws depend on.
+            q: Joint values of the controller [m] or [rad], shape (m, n).
+            tau: Torques of weight and force, which act on the springs, shape (m, n).
+            bases: Functions of each law under the torques of the weight, (m, amplitudes) each.
         """
-        out = loaded.tau * self.compliance
-        for law, part in self._lawful():
-            out[:, law.joint - 1] += law.basis(inputs) @ part
+        out = tau * self.compliance
+        for law, basis, part in self._lawful(bases):
+            out[:, law.joint - 1] += basis @ part
         for curve, knots in self.curved():
             if curve.screw < out.shape[1]:
-                out[:, curve.screw] += curve.value(inputs.q[:, curve.joint], knots)
+                out[:, curve.screw] += curve.value(q[:, curve.joint], knots)
         return np.asarray(out)
 
-    def _balancer(self, inputs: Inputs) -> Array:
+    def _balancer(self, shape: tuple[int, ...], bases: Sequence[Array]) -> Array:
         """Torque of a balancer on each joint [N m], shape (m, n).
 
         T = f / c, with f the first two waves by which the joint turns over its own angle.
         """
-        out = np.zeros(inputs.q.shape)
-        for law, part in self._lawful():
+        out = np.zeros(shape)
+        for law, basis, part in self._lawful(bases):
             if balances(self.table, law):
                 at = law.joint - 1
-                out[:, at] += law.basis(inputs) @ part / self.springs[at]
+                out[:, at] += basis @ part / self.springs[at]
         return out
 
     def _bed(self, q: Array) -> Array:
@@ -237,10 +244,10 @@ class Mechanism(Locked):
                 out[:, curve.screw - self.table.n] += curve.value(q[:, curve.joint], knots)
         return out
 
-    def _lawful(self) -> Iterator[tuple[JointLaw, Array]]:
-        """Each law with its amplitudes."""
+    def _lawful(self, bases: Sequence[Array]) -> Iterator[tuple[JointLaw, Array, Array]]:
+        """Each law with its functions at the poses and its amplitudes."""
         ends = np.cumsum([law.amplitudes for law in self.laws])
-        return zip(self.laws, np.split(self.amplitudes, ends), strict=False)
+        return zip(self.laws, bases, np.split(self.amplitudes, ends), strict=False)
 
     def curved(self) -> Iterator[tuple[Curve, Array]]:
         """Each curve with its values at its knots."""
@@ -423,6 +430,7 @@ class PlacedRobot(NamedTuple):
 
     Attributes:
         inputs: Variables that the laws depend on.
+        bases: Functions of each law, (m, amplitudes) each.
         tau: Torque or force of weight and applied force on the joints, shape (m, n).
         balancer: Torque of a balancer on the joints [N m], shape (m, n).
         borne: Torque on each virtual joint, shape (m, v).
@@ -435,6 +443,7 @@ class PlacedRobot(NamedTuple):
     """
 
     inputs: Inputs
+    bases: Sequence[Array]
     tau: Array
     balancer: Array
     borne: Array
@@ -469,8 +478,8 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
     stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
     own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
-    seen_turn = np.einsum("mji,mtjk->mtik", own[:, :3, :3], readings.turn)
-    off = np.einsum("mtij,mtkj->mtik", seen_turn, turn).reshape(-1, 3, 3)
+    seen_turn = np.swapaxes(own[:, None, :3, :3], 2, 3) @ readings.turn
+    off = (seen_turn @ np.swapaxes(turn, 2, 3)).reshape(-1, 3, 3)
     turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
@@ -524,12 +533,12 @@ def derivatives(
         unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
         own = mechanism.compliance[:, None] * carried_by(stand.bent.twists, joints, unit)
-        more = stand.yields.by_moments(unit, stand.borne)
-        more *= mechanism.yields[stand.yields.parameter][:, None]
-        D[..., where.moments] = Z @ own + yielding @ more
+        softer = stand.yields.slopes(stand.borne) * mechanism.yields[stand.yields.parameter]
+        more = (yielding * softer[:, None]) @ stand.yields.by_moments(unit)
+        D[..., where.moments] = Z @ own + more
     if mechanism.laws:
         factor = [1 + law.by_balancer * turned[:, law.joint - 1, None] for law in mechanism.laws]
-        g = [one * law.basis(stand.inputs) for one, law in zip(factor, mechanism.laws, strict=True)]
+        g = [one * basis for one, basis in zip(factor, stand.bases, strict=True)]
         joint = np.repeat([law.joint - 1 for law in mechanism.laws], [one.shape[1] for one in g])
         np.multiply(Z[..., joint], np.hstack(g)[:, None], out=D[..., where.laws])
     if stand.bed is not None:

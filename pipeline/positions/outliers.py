@@ -140,7 +140,7 @@ def _each(white: ReadRows, D: Array, found: Calibration) -> tuple[Array, Ints]:
     solution = solved(white, found.mechanism, found.known)
     e = white.y - white.along(solution.x)
     whole = np.einsum("mrti,mrtj->mtij", D, D)
-    held = np.einsum("mrti,mrs,mstj->mtij", D, white.variance(solution.cov), D, optimize=True)
+    held = np.einsum("mrti,mrs,mstj->mtij", D, white.variance(solution), D, optimize=True)
     cov, rank = linear.left(whole - held, np.einsum("mtii->mti", whole))
     g = np.einsum("mrti,mr->mti", D, e)
     return np.einsum("mti,mtij,mtj->mt", g, cov, g), rank

@@ -14,8 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
-from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.unloaded import START
 from pipeline.machine.robot import Robot
 from pipeline.positions.mechanism import Linear
@@ -53,7 +52,7 @@ class PoseScatter(Locked):
     def factors(self, rows: Linear) -> tuple[Array, Array]:
         """L and W = L^-1 with V = L L' of each pose, over the rows read at any, (m, r, r) each."""
         of = _RowsByPose.of(rows, len(self.joints))
-        pair = linear.triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
+        pair = triangular(of.cov(np.append(self.joints, [self.position, self.rotation])))
         L, W = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in pair)
         return L, W
 
@@ -93,15 +92,21 @@ def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
     return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
 
 
+_ROUNDED = 1e-12
+"""Relative increase of a variance that is lost in the rounding of a larger one [1]."""
+
+
 class _RowsByPose(NamedTuple):
-    """Rows of all poses, the poses along the last axis.
+    """Products of all poses by pairs of rows, a lower triangle of p = r (r + 1) / 2 at each pose.
 
     Attributes:
-        Z: Derivatives by the joints, shape (r, n, m).
+        pairs: Rows of each pair, (p,) each.
+        Z: Products of derivatives by the joints, shape (n, p, m).
         read: Which rows were read at each pose, shape (r, m).
         turns: Which rows are rotations, shape (r,).
     """
 
+    pairs: tuple[Ints, ...]
     Z: Array
     read: Bools
     turns: Bools
@@ -109,16 +114,17 @@ class _RowsByPose(NamedTuple):
     @classmethod
     def of(cls, rows: Linear, n: int) -> _RowsByPose:
         _, _, Z, read = rows.seen
-        last = np.ascontiguousarray(np.moveaxis(Z[:, :, :n], 0, 2))
-        return cls(last, np.asarray(read.T, dtype=bool), rows.used % 6 >= 3)
+        last = np.ascontiguousarray(np.moveaxis(Z[:, :, :n], 0, 2).swapaxes(0, 1))
+        i, j = np.tril_indices(Z.shape[1])
+        return cls((i, j), last[:, i] * last[:, j], np.asarray(read.T), rows.used % 6 >= 3)
 
     def cov(self, s: Array) -> Array:
-        """V of each pose, (r, r, m), for s (n + 2,); 1 on the diagonal for rows not read."""
-        n = self.Z.shape[1]
-        V = np.einsum("ikm,jkm->ijm", self.Z * s[:n, None] ** 2, self.Z)
-        each = np.arange(len(V))
+        """Lower half of V of each pose, (r, r, m), for s (n + 2,); 1 for rows not read."""
+        (n, _, m), r = self.Z.shape, len(self.read)
+        V, (i, j), each = np.zeros((r, r, m)), self.pairs, np.arange(r)
+        V[i, j] = (s[:n] ** 2 @ self.Z.reshape(n, -1)).reshape(-1, m)
         V[each, each] += np.where(self.read, s[n + self.turns.astype(int), None] ** 2, 1.0)
-        return np.asarray(V)
+        return V
 
 
 class _Likelihood:
@@ -130,25 +136,42 @@ class _Likelihood:
 
     def __init__(self, rows: Linear, products: Array, n: int) -> None:
         self.rows = _RowsByPose.of(rows, n)
-        self.products = np.ascontiguousarray(np.moveaxis(products, 0, 2))
+        self.products = products
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = np.exp(logs / 2)
-        Z, read, turns = self.rows
-        _, W = linear.triangular(self.rows.cov(s))
-        each, P = np.arange(len(W)), self.products
-        inverse = _times(np.swapaxes(W, 0, 1), W)
-        inner, along = _times(inverse, P), _times(inverse, Z)
-        f = 0.5 * float(inner[each, each].sum()) - float(np.log(W[each, each]).sum())
-        slope = np.empty(len(s))
-        slope[:-2] = 0.5 * np.einsum("ijm,ijm->j", Z - _times(P, along), along)
-        own = inverse[each, each] - np.einsum("ikm,ikm->im", inner, inverse)
-        diagonal = np.where(read, own, 0.0).sum(axis=1)
-        for k in range(2):
-            slope[k - 2] = 0.5 * diagonal[turns == k].sum()
-        return f, slope * s**2
+        (i, j), Z, read, turns = self.rows
+        W = np.ascontiguousarray(np.moveaxis(triangular(self.rows.cov(s))[1], 2, 0))
+        inverse = np.swapaxes(W, 1, 2).copy() @ W  # of one array, numpy takes a slower way
+        inner = inverse @ self.products
+        f = 0.5 * float(np.einsum("mii->", inner)) - float(np.log(np.einsum("mii->mi", W)).sum())
+        both = np.moveaxis(inverse - inner @ inverse, 0, 2)
+        left = both[i, j]
+        diagonal = np.where(read, left[i == j], 0.0).sum(axis=1)
+        left[i != j] *= 2
+        slope = np.append(
+            Z.reshape(len(Z), -1) @ left.ravel(), [diagonal[~turns].sum(), diagonal[turns].sum()]
+        )
+        return f, 0.5 * slope * s**2
 
 
-def _times(A: Array, B: Array) -> Array:
-    """Products of matrices along the last axis, (i, j, m) of (i, k, m) and (k, j, m)."""
-    return np.einsum("ikm,kjm->ijm", A, B)
+def triangular(V: Array) -> tuple[Array, Array]:
+    """Cholesky factors L of positive definite V = L L', and their inverses, both (k, k, m).
+
+    For m small matrices along the last axis, (k, k, m): all rows of a column at once are faster
+    than a call for each matrix. V is regularised as in `linear.whitening`.
+
+    Raises:
+        LinAlgError: A row has no variance.
+    """
+    L, W = np.zeros_like(V), np.zeros_like(V)
+    for j in range(len(V)):
+        column = V[j:, j] - np.einsum("ikm,km->im", L[j:, :j], L[j, :j])
+        if not (column[0] > 0).all():
+            if not (np.einsum("iim->im", V) > 0).all():
+                raise np.linalg.LinAlgError("a row has no variance")
+            return triangular(V + _ROUNDED * V * np.eye(len(V))[:, :, None])
+        W[j, j] = 1 / np.sqrt(column[0])
+        L[j:, j] = column * W[j, j]
+        W[j, :j] = -W[j, j] * np.einsum("km,kim->im", L[j, :j], W[:j, :j])
+    return L, W

@@ -18,6 +18,7 @@ from pipeline.machine.robot import configure
 from pipeline.machine.robot.weight import carried, work
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.estimate import (
+    Posterior,
     by_a_factor,
     damping,
     determined_joints,
@@ -379,9 +380,7 @@ def _with(found: Calibration, N: Array, said: Array) -> Calibration:
         whole = linear.cholesky(left.N + P + N)
         step = whole.solve(left.b - P @ (begun + gone - mean) + said - N @ gone)
         gone += step
-        found = _about(
-            found, found.mechanism.moved(here + step, where), whole.solve(np.eye(len(step)))
-        )
+        found = _about(found, found.mechanism.moved(here + step, where), whole.root)
     return found
 
 
@@ -485,10 +484,15 @@ _FRAME = 6
 """Number of coordinates of a frame."""
 
 
-def _about(found: Calibration, moved: Mechanism, cov: Array) -> Calibration:
-    """The estimate with another mechanism, its readings linearised about that."""
+def _about(found: Calibration, moved: Mechanism, root: Array) -> Calibration:
+    """The estimate with another mechanism, its readings linearised about that.
+
+    `root` is upper triangular, and root root' the covariance of the parameters.
+    """
     here = linearised(found.readings, moved, found.weights)
-    solution = replace(found.solution, x=moved.at(layout(moved)), cov=cov)
+    where = layout(moved)
+    none = np.zeros_like(found.solution.knots)
+    solution = Posterior(moved.at(where), root, none, found.solution.evidence)
     return replace(
         found,
         mechanism=moved,

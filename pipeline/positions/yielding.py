@@ -199,12 +199,11 @@ class Virtual:
         joints = np.arange(1, self._loaded.configuration.q.shape[1] + 1)
         return np.asarray(slopes @ (self.carrier[:, None] == joints))
 
-    def by_moments(self, unit: Array, tau: Array) -> Array:
-        """Derivatives of `answers` by mass and first moment of each link.
+    def by_moments(self, unit: Array) -> Array:
+        """Derivatives of `torques` by mass and first moment of each link.
 
         Args:
             unit: Wrench per unit of each at the poses, shape (m, n, 4, 6).
-            tau: Torques at which they are taken, as of `torques`, shape (m, v).
 
         Returns:
             Shape (m, v, 4 n).
@@ -213,7 +212,7 @@ class Virtual:
         for one, body, part in self._between:
             weight = self._hung(unit[:, body, 0, 3:], one)
             torques[:, one, 4 * body] += part * work(self.screws[:, one], weight)
-        return self.slopes(tau)[:, :, None] * torques
+        return torques
 
     @cached_property
     def _between(self) -> list[tuple[slice, int, float]]:
@@ -254,8 +253,8 @@ def carried_on(
         mine = carrier == one
         step = np.einsum("mvi,mv->mi", screws[:, mine], amounts[:, mine])
         omega, v = step[:, :3], step[:, 3:]
-        R = Rotation.from_rotvec(omega).as_matrix()
+        R = Rotation.from_rotvec(omega).as_matrix()[:, None]
         shift = v + 0.5 * np.cross(omega, v)
-        at = np.einsum("mij,mtj->mti", R, at) + shift[:, None]
-        turn = np.einsum("mij,mtjk->mtik", R, turn)
+        at = (R @ at[..., None])[..., 0] + shift[:, None]
+        turn = R @ turn
     return at, turn

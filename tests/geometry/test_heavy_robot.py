@@ -213,6 +213,11 @@ def test_flanks_of_a_balanced_gear_part_where_weight_and_balancer_are_equal():
     assert np.abs(at - right).max() < 0.03 * PLAY
 
 
+def one_estimate(y, var):
+    """Of one parameter, with its variance."""
+    return Posterior(np.array([var * y]), np.array([[var**0.5]]), np.zeros((0, 0)), 0.0)
+
+
 @pytest.mark.parametrize(("y", "size"), [(10.0, np.sqrt(99.0)), (0.5, 0.01)])
 def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
     """Of b, read as y with unit variance, the likeliest variance is y^2 - 1; or none."""
@@ -223,7 +228,7 @@ def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
     )  # fmt: skip
     for _ in range(30):
         var = 1 / (1 + known.std[0] ** -2)
-        known = rougher(known, Posterior(np.array([var * y]), np.array([[var]]), 0.0))
+        known = rougher(known, one_estimate(y, var))
 
     assert known.std[0] == pytest.approx(size, rel=1e-6)
 
@@ -238,7 +243,7 @@ def test_play_that_takes_back_what_the_weight_does_vanishes(y, vanishes):
     )  # fmt: skip
     for _ in range(10):
         var = 1 / (1 + known.std[0] ** -2)
-        known = rougher(known, Posterior(np.array([var * y]), np.array([[var]]), 0.0))
+        known = rougher(known, one_estimate(y, var))
 
     assert (known.std[0] < 0.05) == vanishes
 

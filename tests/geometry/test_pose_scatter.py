@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.base import linear
 from pipeline.positions.laws import Inputs
 from pipeline.positions.mechanism import Linear
 from pipeline.positions.outliers import _columns
-from pipeline.positions.scatter import PoseScatter, _Likelihood
+from pipeline.positions.scatter import PoseScatter, _Likelihood, triangular
 
 POSES, JOINTS = 40, 4
 
@@ -87,12 +86,12 @@ def test_a_singular_covariance_is_regularised_and_an_empty_one_refused():
     """
     a = np.array([[1.0], [1.0 / 3], [2.0 / 7]])
     V = (a @ a.T)[:, :, None].repeat(2, axis=2)
-    L, W = linear.triangular(V)
+    L, W = triangular(V)
 
     assert np.isfinite(W).all()
     assert np.einsum("ikm,jkm->ijm", L, L) == pytest.approx(V, rel=1e-9)
     with pytest.raises(np.linalg.LinAlgError, match="no variance"):
-        linear.triangular(np.zeros((2, 2, 1)))
+        triangular(np.zeros((2, 2, 1)))
 
 
 @pytest.mark.parametrize("six", [(True, False), (False, False), (True, True)])
@@ -108,3 +107,21 @@ def test_a_bad_reading_moves_its_own_coordinates_and_no_other(rows, six):
     for pose, target, axis in np.ndindex(POSES, 2, D.shape[3]):
         unit = (rows.used == 6 * target + axis) * rows.read[pose, rows.used]
         assert D[pose, :, target, axis] == pytest.approx(W[pose] @ unit, abs=1e-12)
+
+
+def test_many_small_factors_are_those_of_each():
+    """L L' = V and L W = 1 along the last axis, also where one error drowns the others."""
+    half = np.random.default_rng(16).normal(size=(6, 4, 4))
+    V = half @ half.swapaxes(1, 2)
+    L, W = (np.moveaxis(one, -1, 0) for one in triangular(np.moveaxis(V, 0, -1)))
+
+    np.testing.assert_allclose(L, np.linalg.cholesky(V), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(W @ L, np.broadcast_to(np.eye(4), V.shape), atol=1e-9)
+    drowned = np.eye(3) + 1e24
+    L, W = triangular(np.stack([drowned, np.eye(3)], axis=-1))
+    assert np.isfinite(W).all()
+    np.testing.assert_allclose(W[..., 1], np.eye(3), atol=1e-11)
+    with pytest.raises(np.linalg.LinAlgError, match="no variance"):
+        triangular(np.zeros((2, 2, 1)))
+    with pytest.raises(np.linalg.LinAlgError, match="no variance"):
+        triangular(np.stack([np.eye(2), np.diag([1.0, 0.0])], axis=-1))

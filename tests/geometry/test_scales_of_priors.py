@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.positions.estimate import Posterior, Prior, of_scales
+from pipeline.positions.estimate import Prior, ReadRows, _solve, of_scales
 
 
 def estimated(N, b, scale):
@@ -11,8 +11,7 @@ def estimated(N, b, scale):
     std = np.array([1e4, scale, 2 * scale, 0.7])
     none = np.zeros(0, dtype=bool)
     known = Prior(np.zeros(4), std, none, none, np.full(4, 1e4), (slice(1, 3),), (np.nan, np.nan))
-    cov = np.linalg.inv(N + np.diag(std**-2.0))
-    return known, Posterior(cov @ b, cov, 0.0)
+    return known, _solve(N, b, 0.0, (np.diag(std**-2.0), 0.0), np.zeros(4), 0)
 
 
 def test_an_estimate_moves_with_the_scale_as_stated():
@@ -28,3 +27,33 @@ def test_an_estimate_moves_with_the_scale_as_stated():
 
     expected = np.outer(moved, moved) / (2 * np.trace(seen @ seen) + 1.4**-2)
     assert of_scales(known, found) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def test_knots_eliminated_first_leave_the_estimate_as_it_is():
+    """Estimate, covariance and evidence of all parameters at once, as of dense matrices."""
+    rng = np.random.default_rng(4)
+    m, r, dense, knots = 20, 3, 4, 6
+    at = np.stack([np.arange(m) % 3, np.arange(m) % 3 + 1, np.full(m, 4), np.full(m, 5)], axis=1)
+    D, K, y = rng.normal(size=(m, r, dense)), rng.normal(size=(m, r, 4)), rng.normal(size=(m, r))
+    rows = ReadRows(D, K, at, knots, y, *np.tile(np.eye(r), (2, m, 1, 1)))
+    X = np.zeros((m, r, dense + knots))
+    X[..., :dense] = D
+    np.put_along_axis(X, np.broadcast_to(dense + at[:, None], K.shape), K, axis=2)
+    flat, mean = X.reshape(m * r, -1), rng.normal(size=dense + knots)
+    V = np.diag(rng.uniform(0.5, 2.0, dense + knots))
+    V[dense:, dense:] += 0.3
+    prior_of = np.linalg.inv(V), -np.linalg.slogdet(V)[1]
+    C = np.linalg.inv(flat.T @ flat + prior_of[0])
+    off = y.ravel() - flat @ mean
+    whole = flat @ V @ flat.T + np.eye(m * r)
+
+    found = _solve(rows.N, rows.b, float(np.sum(y**2)), prior_of, mean, knots)
+
+    assert found.x == pytest.approx(mean + C @ flat.T @ off)
+    assert found.cov == pytest.approx(C)
+    assert found.var == pytest.approx(np.diag(C))
+    for part in (slice(3), slice(5, 8), slice(dense, None), slice(2, 7)):
+        assert found.of(part) == pytest.approx(C[part, part])
+    assert rows.variance(found) == pytest.approx(X @ C @ np.swapaxes(X, 1, 2))
+    density = off @ np.linalg.solve(whole, off) + np.linalg.slogdet(whole)[1]
+    assert found.evidence == pytest.approx(-0.5 * density)

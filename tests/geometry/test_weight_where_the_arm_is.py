@@ -195,8 +195,8 @@ def test_a_link_is_bent_by_the_weights_beyond(arm, where):
     sag = np.array([bent(robot, stiff, one, where, size) for one in q])
 
     assert np.abs(at - points(stiff, q) - sag).max() < 0.1 * np.abs(sag).max()
-    by = virtual.by_moments(by_moments(here, GRAVITY), tau) @ link_moments(robot).ravel()
-    np.testing.assert_allclose(by, virtual.answers(tau), rtol=1e-9, atol=1e-9)
+    by = virtual.by_moments(by_moments(here, GRAVITY)) @ link_moments(robot).ravel()
+    np.testing.assert_allclose(by, tau, rtol=1e-9, atol=1e-9)
 
 
 def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
@@ -212,9 +212,8 @@ def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
         return virtual.answers(virtual.torques(weight, weight, np.zeros_like(q)))
 
     weight = carried(here, GRAVITY, moments, none, np.zeros((len(q), 3)))
-    slope = virtual.by_moments(
-        by_moments(here, GRAVITY), virtual.torques(weight, weight, np.zeros_like(q))
-    )
+    tau = virtual.torques(weight, weight, np.zeros_like(q))
+    slope = virtual.slopes(tau)[:, :, None] * virtual.by_moments(by_moments(here, GRAVITY))
     for k, one in enumerate(np.eye(24).reshape(24, 6, 4)):
         by = (answers(moments + 1e-3 * one) - answers(moments - 1e-3 * one)) / 2e-3
         np.testing.assert_allclose(slope[..., k], by, rtol=2e-3, atol=1e-9)
