@@ -29,12 +29,15 @@ PURE = (
     "faults",
     "diagnosis",
     "prediction",
+    "answer",
+    "positions",
     "design",
     "simulate",
     "geometry",
     "fleet/wear",
     "intake",
 )
+"""Folders without screen, disk or shell, in the core or beside it; but for `SPEAKING`."""
 SPEAKING = (
     "command.py",
     "predict.py",
@@ -46,6 +49,7 @@ SPEAKING = (
     "describe_file.py",
     "asking.py",
     "blank.py",
+    "archive.py",
 )
 """Files of these that parse, draw, or take paths: they offer the parts of outbuildings."""
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
