@@ -189,6 +189,8 @@ def catalogues() -> None:
         with path.open("wb") as text_file, path.with_suffix(".mo").open("wb") as compiled:
             write_po(text_file, found, width=100, include_lineno=False, sort_by_file=True)
             write_mo(compiled, found)
+        if waiting := sum(not message.string for message in found if message.id):
+            print(f"{path.relative_to(ROOT.parent)}: {waiting} texts to translate")
 
 
 def _said(source: str, names: tuple[str, ...]) -> Iterator[tuple[int, str]]:

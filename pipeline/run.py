@@ -85,7 +85,7 @@ def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> An
 
 @at(_LAST_RESORT)
 def reduce(raw: Raw, keep: Keep, step: Step = plain) -> Reduced:
-    """First half, with implausible input rejected: to forces and displacements in F_b."""
+    """The first half alone, for tests and studies: a run keeps implausible input for the faults."""
     return bring(ingested(raw, keep, step), keep, step)
 
 

@@ -29,12 +29,15 @@ PURE = (
     "faults",
     "diagnosis",
     "prediction",
+    "answer",
+    "positions",
     "design",
     "simulate",
     "geometry",
     "fleet/wear",
     "intake",
 )
+"""Folders without screen, disk or shell, in the core or beside it; but for `SPEAKING`."""
 SPEAKING = (
     "command.py",
     "predict.py",
@@ -46,6 +49,7 @@ SPEAKING = (
     "describe_file.py",
     "asking.py",
     "blank.py",
+    "archive.py",
 )
 """Files of these that parse, draw, or take paths: they offer the parts of outbuildings."""
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
@@ -71,14 +75,21 @@ def imports(path):
             yield node.module
 
 
+def short(path):
+    """As in the tables of docs/code.md, below the package."""
+    return path.relative_to(PACKAGE).as_posix()
+
+
 FILES = sorted(p for part in PURE for p in (PACKAGE / part).rglob("*.py") if p.name not in SPEAKING)
 
 
 def test_the_core_knows_no_shell():
     """Physics, statistics and the like import nothing that runs, draws or prints."""
-    roots = {path: {name.split(".")[0] for name in imports(path)} for path in FILES}
+    roots = {short(path): {name.split(".")[0] for name in imports(path)} for path in FILES}
 
-    assert not {path: found & OUTSIDE for path, found in roots.items() if found & OUTSIDE}
+    assert not {path: found & OUTSIDE for path, found in roots.items() if found & OUTSIDE}, (
+        "screen and disk are for `app`, `store`, `report` and the files in SPEAKING"
+    )
 
 
 def test_the_core_does_not_open_files():
@@ -93,8 +104,10 @@ def test_the_core_does_not_open_files():
     }
     by_path = {path for path in FILES if path.name != "mdh.py" and "pathlib" in set(imports(path))}
 
-    assert not {(path, name) for path, name in calls if name in ("open", "print")}
-    assert not by_path
+    assert not {(short(path), name) for path, name in calls if name in ("open", "print")}, (
+        "return it; `app`, `store` and the files in SPEAKING print and write"
+    )
+    assert not [short(path) for path in by_path], "take bytes instead of a path"
 
 
 @pytest.mark.parametrize(
@@ -127,8 +140,8 @@ def test_commands_are_listed_without_slow_imports(words, around):
     assert done.stderr.strip() == "[]"
 
 
-def test_prefect_is_imported_by_flow_and_server_only():
-    """By the flow and the server; everything else works without it."""
+def test_prefect_is_imported_by_flow_and_gate_only():
+    """By the flow, and the gate to its page; everything else works without it."""
     knowing = {
         path.relative_to(PACKAGE).as_posix()
         for path in PACKAGE.rglob("*.py")
@@ -368,18 +381,21 @@ def test_every_folder_is_core_or_outbuilding():
     assert {one.removesuffix(".py") for one in there} - {"__init__", "__main__"} == {
         *ORDER,
         *OUTBUILDINGS,
-    }
+    }, "write a new one into ORDER or OUTBUILDINGS, and into the same table of docs/code.md"
 
 
 def test_every_package_imports_only_those_below_it():
     """The order of docs/code.md, also for late imports; and thus no outbuilding."""
     for path in PACKAGE.rglob("*.py"):
         mine = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        if mine.startswith("__") or mine in OUTBUILDINGS:
+        if mine not in ORDER:
             continue
         others = {module.split(".")[0] for module in modules(path)}
         below = {*ORDER[: ORDER.index(mine) + 1], "__version__"}
-        assert not (others & {*ORDER, *OUTBUILDINGS}) - below, path
+        assert not (others & {*ORDER, *OUTBUILDINGS}) - below, (
+            f"{short(path)} may import of the core: {', '.join(sorted(below))}; "
+            "what an outbuilding offers it finds by a door (base/doors.py)"
+        )
 
 
 @pytest.mark.parametrize("name", OUTBUILDINGS)
@@ -388,8 +404,12 @@ def test_an_outbuilding_imports_what_is_open_or_listed(name):
     rooms = (name, *OPEN, *OUTBUILDINGS[name])
     found = {one for path in (PACKAGE / name).rglob("*.py") for one in modules(path)}
 
-    assert not {one for one in found if not leads_into(one, rooms)}
-    assert not [one for one in OUTBUILDINGS[name] if not any(leads_into(m, [one]) for m in found)]
+    assert not {one for one in found if not leads_into(one, rooms)}, (
+        f"list it, with the reason, under {name} of OUTBUILDINGS, or go without"
+    )
+    assert not [
+        one for one in OUTBUILDINGS[name] if not any(leads_into(m, [one]) for m in found)
+    ], f"no longer imported: take it out of {name} in OUTBUILDINGS"
 
 
 @pytest.mark.parametrize("name", OUTBUILDINGS)
@@ -509,7 +529,7 @@ def test_a_class_of_the_core_has_its_name_alone():
             if isinstance(node, ast.ClassDef):
                 seen.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
 
-    assert not {name: where for name, where in seen.items() if len(where) > 1}
+    assert not {name: where for name, where in seen.items() if len(where) > 1}, "rename one"
 
 
 def code_lines(path):
@@ -539,6 +559,7 @@ def test_the_core_does_not_grow():
 
 def test_a_file_of_tests_has_its_name_alone():
     """Pytest imports each by its name, and confuses two with the same name."""
-    names = [path.name for path in Path(__file__).parent.rglob("*.py")]
+    paths = [*Path(__file__).parent.rglob("*.py")]
+    names = [path.name for path in paths]
 
-    assert not {name for name in names if names.count(name) > 1}
+    assert not [str(path) for path in paths if names.count(path.name) > 1], "rename one"

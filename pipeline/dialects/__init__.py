@@ -40,7 +40,8 @@ DIALECTS: dict[str, Reader] = {
     "xyz": xyz.READER,
     TABLE: table.READER,
 }
-"""Readers in the order in which they are tried; any other table comes last."""
+"""Readers in the order in which they are tried; any other table comes last. `plain` is our own CSV,
+recognised also by similar titles, and takes the place of the reader of that key in `readers`."""
 
 
 def of_controller(data: bytes) -> bytes | None:

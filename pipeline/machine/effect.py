@@ -186,7 +186,7 @@ class Effect:
         where: Joint number, `upper_arm`, `forearm`, ..., or None if only one place is possible.
         noun: Engineering term for it, as a noun that fits into any sentence.
         place: Part of the cell it acts on: rail, base, joint, link, tool, shoulder, wrist, force,
-            metrology or noise.
+            metrology, noise, or a new one.
         parameters: Its unknowns; the effect is absent if all are zero.
         signature: Observable behaviour, and what separates it from similar effects.
         needs: Measurement or sensor that would settle it.

@@ -51,7 +51,10 @@ _NAMED = "pipeline.dialects._named:find"
 
 @functools.cache
 def catalogue() -> dict[str, Reader]:
-    """All readers by key: our own CSV, the dialects of other programs, and any other table."""
+    """All readers by key: our own CSV, dialects of other programs, any other table.
+
+    Where the dialects are installed, their `plain` replaces our own: it knows similar titles, too.
+    """
     return {"plain": plain.READER} | (doors.found(_DIALECTS) or {})
 
 

@@ -19,6 +19,7 @@ from pipeline.machine.effects import (
     joint_offset,
     load_point_offset,
     rail_backlash,
+    rail_stiffness_varies,
     scale,
     scale_hysteresis,
     target_moved,
@@ -28,6 +29,7 @@ from pipeline.machine.robot import configure
 from pipeline.machine.robot import load as robot_of
 
 ROBOT = robot_of("kr500_rail")
+MIDDLE_M = (ROBOT.lower[0] + ROBOT.upper[0]) / 2
 TOOL = Tool(
     load_point=np.array([0.1, 0.05, 0.4]),
     targets=np.array(["P1", "P2"], dtype=object),
@@ -201,6 +203,23 @@ def test_the_play_of_a_rail_is_run_through_from_the_side_where_it_rests():
     assert friction == pytest.approx([1.0, 0.0])
     assert brake == pytest.approx([0.0, -1.0])
     assert over == pytest.approx([1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("form", "carriage_m", "times"),
+    [
+        ("steady", [MIDDLE_M, ROBOT.upper[0]], [[0.0], [1.0]]),
+        ("supports every 6 m", [6.0, 9.0], [[1.0, 0.0], [-1.0, 0.0]]),
+    ],
+)
+def test_a_drive_varies_along_its_rail_as_its_parameter_says(form, carriage_m, times):
+    """By the slope from mid-rail to its end; by twice the amplitude within half a pitch."""
+    one = only(rail_stiffness_varies.effects(ROBOT), form=form)
+
+    pulls = loaded(q=np.column_stack([carriage_m, Q[:, 1:]]))
+    moved = one.response(pulls, np.full((2, 1), 500.0))
+
+    np.testing.assert_allclose(moved, 500.0 * np.array(times), atol=1e-9)
 
 
 def test_a_strut_acts_by_the_angle_of_the_shoulder():

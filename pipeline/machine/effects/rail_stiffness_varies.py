@@ -64,11 +64,10 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         parameters=tuple(
             Parameter(
                 *(name, "m/N", 0.4 * c, -4 * c, 4 * c),
-                "change of the drive's compliance "
-                + (
-                    "along the whole rail"
+                (
+                    "change of the drive's compliance from the middle of the rail to its end"
                     if names[1:] == ()
-                    else f"between supports, {name[-3:]} part"
+                    else f"amplitude of the drive's compliance between supports, {name[-3:]} part"
                 ),
             )
             for name in names

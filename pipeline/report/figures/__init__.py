@@ -1,3 +1,3 @@
-"""The figures: each module writes the texts of its figures and draws them, from the same data."""
+"""What a figure is, and every figure by its name: those of the annex, if it is installed."""
 
 import pipeline.report.svg  # noqa: F401  # imports Matplotlib, before a figure does
