@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from pipeline.geometry.arm_weight import carried_by, usual
 from pipeline.geometry.remastered import _in_time, places
@@ -59,6 +60,24 @@ def test_a_step_is_found_behind_its_pose_in_the_order_of_time(turned: bool) -> N
     for course in (late / P, late == 3):
         assert slips(shape(noise + moved * course[:, None], t), order, 2)[1].min() > 0.01
     assert slips(shape(noise, t), order, 2)[1].min() > 0.01
+
+
+@pytest.mark.parametrize(("size", "moved"), [(0.1, 0.3), (3.0, 6.0)])
+def test_the_chance_of_a_step_is_that_of_the_f_test(size: float, moved: float) -> None:
+    """Its three columns against the scatter beside them, which is no less than the noise."""
+    rng = np.random.default_rng(12)
+    t, late = rng.normal(size=(P, S, 3 * TARGETS)), (np.arange(P) >= 6)[:, None, None]
+    own = (late * t[:, :, :3]).reshape(-1, 3)
+    y = size * rng.normal(size=P * S) + own @ [moved, -moved, moved]
+    at, p = slips(shape(y.reshape(P, S), t), np.arange(P), 2)
+
+    X = t.reshape(-1, 3 * TARGETS)
+    less, more = residual(X, y), residual(np.hstack([X, own]), y)
+    dof = P * S - 3 * TARGETS - 3
+    scatter = max(1.0, more @ more / dof)
+    ratio = (less @ less - more @ more) / 3 / scatter
+    assert at[0] == 6
+    assert p[0] == pytest.approx(stats.f.sf(ratio, 3, dof), rel=1e-6)
 
 
 def test_widths_of_nodes_are_those_of_the_trapezoidal_rule() -> None:

@@ -318,6 +318,17 @@ def test_a_stated_zero_is_rough_by_what_is_stated():
     assert usual["link_length:4"] == pytest.approx(2e-4)
 
 
+def test_no_reading_repeats_better_than_the_air_lets_it():
+    """As stated times the scatter squared, or a micrometre rms where that is more."""
+    data = read(2)
+    fine = replace(data, zero_cov=1e-6 * noise())
+
+    np.testing.assert_allclose(of(data, scale=2.0).cov, 4 * noise())
+    found = of(fine).cov
+    assert np.einsum("zii->z", found).mean() / 3 == pytest.approx(1e-12, rel=1e-9, abs=0.0)
+    np.testing.assert_allclose(found / found[0, 0, 0], noise() / noise()[0, 0, 0])
+
+
 def without_pulls(data, poses):
     """The same measurements without the pulls of some poses."""
     gone = np.isin(data.pulls.pose[data.pull], poses)
