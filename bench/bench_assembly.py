@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio as pin
 
 from bench.as_pinocchio import model
+from bench.reduced import reduce
 from bench.timing import ratio
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
-from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble

@@ -7,11 +7,11 @@ through raw files and every stage, like a real campaign.
 import numpy as np
 from scipy import stats
 
+from bench.reduced import reduce
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
-from pipeline.run import reduce
 from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory

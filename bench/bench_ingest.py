@@ -9,10 +9,11 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
+from bench.reduced import reduce
 from pipeline import readers
 from pipeline.readers import catalogue
 from pipeline.reduction.bring import conformed, plain, to_displacements
-from pipeline.run import ingested, reduce
+from pipeline.run import ingested
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
 

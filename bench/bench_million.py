@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.reduced import reduce
 from pipeline.reduction.bring import conformed
-from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 

@@ -58,7 +58,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     ),
     "report/model.py": ("compose", "_about", "_title"),
     "report/record.py": ("Certificate", "PageFrame"),
-    "report/identity.py": (
+    "annex/identity.py": (
         "_KINDS",
         "rows",
         "_when",

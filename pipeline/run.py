@@ -30,7 +30,7 @@ from pipeline.answer.results import CampaignAnswer, CampaignResults, WithPositio
 from pipeline.answer.tables import kept, predicted
 from pipeline.base import doors
 from pipeline.base.appearance import appearances
-from pipeline.base.errors import InputError, at
+from pipeline.base.errors import InputError
 from pipeline.base.threads import alone
 from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
@@ -39,7 +39,7 @@ from pipeline.faults.joint_row import contradicted
 from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
-from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
+from pipeline.reduction.bring import Keep, Step, bring, conformed, plain
 from pipeline.reduction.case import Case, FilesAsRead
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
@@ -81,12 +81,6 @@ def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> An
             return found
         with campaign.remembering(raw.key):
             return _compute(campaign, raw, step)
-
-
-@at(_LAST_RESORT)
-def reduce(raw: Raw, keep: Keep, step: Step = plain) -> Reduced:
-    """The first half alone, for tests and studies: a run keeps implausible input for the faults."""
-    return bring(ingested(raw, keep, step), keep, step)
 
 
 def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:

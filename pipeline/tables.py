@@ -9,8 +9,6 @@ from collections.abc import Sequence
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
-from pyarrow import csv
 
 from pipeline.base.arrays import Parameter
 from pipeline.base.covariance import PAIRS
@@ -328,22 +326,3 @@ def _arrow(table: pd.DataFrame, schema: pa.Schema) -> pa.Table:
         for field in schema
     ]
     return pa.table(columns, schema.names)
-
-
-def as_csv(table: pa.Table) -> bytes:
-    """Table as CSV for a spreadsheet, with no text cell that it would take for a formula.
-
-    Names come from files, and a spreadsheet evaluates a cell that starts with one of = + - @, also
-    of full width: such cells get a leading apostrophe.
-    """
-    texts = [column.cast(STR) if column.type == _WORD else column for column in table.columns]
-    columns = [harmless(column) if column.type == STR else column for column in texts]
-    sink = pa.BufferOutputStream()
-    csv.write_csv(pa.table(columns, table.column_names), sink)
-    return bytes(sink.getvalue())
-
-
-def harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Text with a leading apostrophe where a spreadsheet would evaluate it."""
-    formula = pc.match_substring_regex(words, r"^[\s\pZ]*[=+\-@\t\r＝＋－＠]")
-    return pc.if_else(formula, pc.binary_join_element_wise("'", words, ""), words)

@@ -192,8 +192,8 @@ def exact_campaign(small_plan: Plan) -> RawCampaign:
 @pytest.fixture(scope="session")
 def read_back() -> Callable[[RawCampaign], Reduced]:
     """From a simulated campaign's files to forces and displacements, by the steps of the run."""
+    from bench.reduced import reduce
     from pipeline.reduction.bring import conformed
-    from pipeline.run import reduce
     from pipeline.store.campaign import in_memory
 
     def through_the_stages(campaign: RawCampaign) -> Reduced:

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.reduced import reduce
 from pipeline.diagnosis.diagnose import diagnose, search_task
 from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.cell import paper_cell, sensitivity
 from pipeline.reduction.effector import tool
 from pipeline.reduction.pose_of_interest import place_of_interest
-from pipeline.run import reduce
 from pipeline.store.campaign import find
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify

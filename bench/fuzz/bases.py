@@ -10,9 +10,9 @@ from types import MappingProxyType
 
 import pandas as pd
 
+from bench.reduced import reduce
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.run import reduce
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 

@@ -20,8 +20,9 @@ from pipeline.answer.contract import Answer, Cause, TargetDeflection
 from pipeline.answer.words import ABOUT
 from pipeline.base import doors
 from pipeline.base.shown import printable
+from pipeline.library.spreadsheets import as_csv
 from pipeline.report import words
-from pipeline.tables import F64, STR, as_csv
+from pipeline.tables import F64, STR
 
 
 @dataclass(frozen=True)

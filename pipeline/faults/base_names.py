@@ -16,7 +16,7 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
-from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss, with_places
+from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss, renamed, with_places
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
@@ -53,10 +53,10 @@ def _misnamed(case: Case, group: str | None) -> list[Mistake]:
     order = None if fine else _true(case, names, seen, nominal, group)
     if order is None or order == given:
         return []
-    right = _renamed(case, _places(names, order))
-    if before < GROSS_DISTANCE_M and not _nearer(anchored_miss(right), table):
+    place = _places(names, order)
+    if before < GROSS_DISTANCE_M and not _nearer(anchored_miss(_renamed(case, place)), table):
         return []
-    return [_finding(case, names, order, (before, _miss(seen, nominal, order)), group)]
+    return [_finding(case, place, (before, _miss(seen, nominal, order)), group)]
 
 
 def not_rigid(case: Case) -> float | None:
@@ -157,22 +157,9 @@ def _renamed(case: Case, place: dict[str, str]) -> Case:
     return with_places("base_frame", {name: base[at] for name, at in place.items()}, case)
 
 
-def _rewritten(case: Case, place: dict[str, str], group: str) -> Case:
-    """The campaign with the readings of a round under the names of their places."""
-    rows, here = case.readings, _of_base(case, group).index
-    names = rows["target"].astype(str)
-    names.loc[here] = names.loc[here].replace(place)
-    return replace(case, readings=rows.assign(target=names.astype(rows["target"].dtype)))
-
-
 def _finding(
-    case: Case,
-    names: list[str],
-    order: Sequence[int],
-    miss: tuple[float, float],
-    group: str | None,
+    case: Case, place: dict[str, str], miss: tuple[float, float], group: str | None
 ) -> Mistake:
-    place = _places(names, order)
     wrong, (before, after) = sorted(place), miss
     rows = _of_base(case, group)
     at = lines_of(rows[rows["target"].isin(wrong)])
@@ -181,7 +168,7 @@ def _finding(
     correct = partial(_renamed, place=place)
     if group is not None:
         where, whose = f"{group} {where}", f"names in {group}"
-        correct = partial(_rewritten, place=place, group=group)
+        correct = partial(renamed, true=place, groups=(group,))
     return Mistake(
         name="label_swap",
         where=where,

@@ -81,7 +81,10 @@ def _frames(R: Array) -> list[_Statement]:
     kind, read = ("sign_or_convention", "covariance_frame"), "were read along the tracker's axes"
     return [
         _Statement(*kind, f"stated along the {along} and {read}", TOLERATED_FACTOR, means)
-        for along, means in (("base frame", lambda C, _: R.T @ C @ R), ("beam", _along_beam))
+        for along, means in (
+            ("base frame", lambda C, _: R.T @ C @ R),
+            ("tracker's beam", _along_beam),
+        )
     ]
 
 

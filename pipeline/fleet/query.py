@@ -22,7 +22,7 @@ from pipeline.base.errors import CannotWrite, UsageError, listed
 from pipeline.base.shown import in_json, printable, say
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.preferred import expected_scatter
-from pipeline.tables import harmless
+from pipeline.library.spreadsheets import harmless
 
 FORMATS = ("table", "csv", "json", "xlsx")
 

@@ -9,7 +9,6 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.dialects._coordinates import angles
@@ -17,6 +16,7 @@ from pipeline.dialects._time import shown
 from pipeline.intake._separators import separators
 from pipeline.intake.by_reflectors import rounds
 from pipeline.intake.offer import Offer, offer
+from pipeline.library import spreadsheets
 from pipeline.readers import TABLE, Export, ExportSettings, read
 from pipeline.readers._iso import NO_YEAR
 from pipeline.readers._reader import split
@@ -271,7 +271,7 @@ def as_csv(name: str, data: bytes, hints: ExportSettings | None = None) -> bytes
         **{f"{axis}_m": pa.array(export.position[:, k]) for k, axis in enumerate("xyz")},
         "time": export.time if dated else pa.array(map(shown, export.time.to_pylist())),
     }
-    return tables.as_csv(pa.table(columns))
+    return spreadsheets.as_csv(pa.table(columns))
 
 
 def _targets(names: Any, most: int = _MOST_TARGETS) -> list[str]:

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import SHIPPED, Robot, load
-from pipeline.machine.robot.dh_parameters import DhParameter, all_letters, file_of, nominal
+from pipeline.machine.robot.dh_parameters import DhParameter, dh_letters, file_of, nominal
 from pipeline.machine.robot.steps import Fixed
 from pipeline.machine.robot.variants import alike, as_written, differing, variants, with_row
 from pipeline.positions import left_out
@@ -110,7 +110,7 @@ def _steps(robot: Robot) -> Iterator[_Step]:
 
 def _apart(robot: Robot, other: Robot) -> tuple[DhParameter, float, float] | None:
     """The single DH parameter in which two tables differ, and both values [m] or [deg], if any."""
-    every = all_letters(robot)
+    every = tuple(dh_letters(file_of(robot)))
     one, two = nominal(robot, every), nominal(other, every)
     differ = np.flatnonzero(np.abs(two - one) > 1e-9)
     if len(differ) != 1:

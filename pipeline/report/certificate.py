@@ -12,6 +12,7 @@ from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason,
 from pipeline.answer.pose_budget import lowered_by_pulls
 from pipeline.answer.remarks import other_way
 from pipeline.answer.words import DO, DO_DESPITE, capital
+from pipeline.base import doors
 from pipeline.base.appearance import PLAIN, Appearance
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, translated
@@ -31,7 +32,6 @@ from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.beside_nominal import drawn_as, stand
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.identity import IDENTITY_NAMES, rows
 from pipeline.report.record import Certificate, Item, StiffnessBar
 from pipeline.report.summaries import Tables, interval
 from pipeline.store.campaign import dump
@@ -79,10 +79,7 @@ def certificate(
         beside=say("Of nominal" if compared else "Uncertainty"),
         note=say(_note(answer, compared) if bars else _NO_TABLE),
         filed=(
-            *(
-                Item(say(name), text if name in IDENTITY_NAMES else say(text))
-                for name, text in rows(answer)
-            ),
+            *(filed(answer, say) if (filed := doors.found(_IDENTITY)) else ()),
             *(Item(name, text) for name, text in look.fields),
         ),
         logo=look.logo,
@@ -91,6 +88,7 @@ def certificate(
     )
 
 
+_IDENTITY = "pipeline.annex.identity:items"
 _PICTURES = ("certificate", "gauge")
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from cell_check import CELL, TOOL, Checked
 
+from bench.reduced import reduce
 from pipeline.check.findings import shot_findings
 from pipeline.design.nextpose import PlaceQuestion, candidates, propose
 from pipeline.diagnosis.diagnose import search_task
@@ -13,7 +14,7 @@ from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.effector import tool
-from pipeline.run import campaign_answer, ingested, reduce
+from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign

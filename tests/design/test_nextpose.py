@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bench.reduced import reduce
 from pipeline.design.nextpose import (
     Candidates,
     PlaceQuestion,
@@ -19,7 +20,6 @@ from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
-from pipeline.run import reduce
 from pipeline.simulate import simulate
 from pipeline.simulate.plan import Plan
 from pipeline.store import campaign

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from bench.reduced import reduce
 from pipeline import simulate as simulated
 from pipeline.app import cli
 from pipeline.base.errors import InputError, UsageError
@@ -33,7 +34,6 @@ from pipeline.library.campaign import load_campaign
 from pipeline.machine.cell import jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
-from pipeline.run import reduce
 from pipeline.simulate import build, parse, simulate
 from pipeline.store.campaign import find, in_memory
 from pipeline.system.estimate import identify

@@ -14,7 +14,7 @@ from python_calamine import CalamineWorkbook
 
 from pipeline.answer.contract import Combination, Rejected
 from pipeline.exchange import workbook
-from pipeline.tables import harmless
+from pipeline.library.spreadsheets import harmless
 
 SHEETS = [
     "summary",

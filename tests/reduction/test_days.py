@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from bench.reduced import reduce
 from pipeline.machine.effect import Pulls
 from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.days import days, with_days
-from pipeline.run import ingested, reduce
+from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_days import measured
 
+from bench.reduced import reduce
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.days import days
-from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 

@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from pipeline.annex.identity import _when
 from pipeline.annex.words import at, from_label
-from pipeline.report.identity import _when
 
 
 @pytest.mark.parametrize(

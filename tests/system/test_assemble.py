@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.reduced import reduce
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import HUNG, PULLED
 from pipeline.machine.effects import catalogue, unlisted
@@ -13,7 +14,6 @@ from pipeline.machine.law import Law
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Scale
-from pipeline.run import reduce
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble, by_force, second_order

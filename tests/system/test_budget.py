@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import scipy.sparse
 
+from bench.reduced import reduce
 from pipeline.base.arrays import Parameter
 from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
-from pipeline.run import reduce
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget

@@ -10,6 +10,7 @@ import scipy.sparse
 from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
+from bench.reduced import reduce
 from pipeline.base import covariance
 from pipeline.base.arrays import Parameter
 from pipeline.base.tails import at_most
@@ -17,7 +18,6 @@ from pipeline.machine.cell import paper_cell
 from pipeline.reduction.bring import conformed
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import parse
-from pipeline.run import reduce
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from urllib.parse import quote
 
+from pipeline.annex.identity import LabelledText, rows
 from pipeline.answer.contract import Answer, Measuring, Rejected, SetAside, Unit
 from pipeline.answer.words import listed
-from pipeline.report.identity import LabelledText, rows
 from pipeline.report.record import (
     Cells,
     Column,

@@ -82,13 +82,8 @@ def dh_parameters(robot: Robot) -> tuple[DhParameter, ...]:
     left out.
     """
     file = file_of(robot)
-    every = (one for one in _all(file) if one.carrier)
+    every = (one for one in dh_letters(file) if one.carrier)
     return tuple(one for one in every if one.joint > 1 or one.axis != _Z)
-
-
-def all_letters(robot: Robot) -> tuple[DhParameter, ...]:
-    """Every letter of a robot's table, including those that only define F_b."""
-    return tuple(_all(file_of(robot)))
 
 
 def file_of(robot: Robot) -> RobotFile:
@@ -108,7 +103,8 @@ def _table(text: str, name: str) -> Mapping[str, Any]:
     return MappingProxyType(toml.loads(text, name))
 
 
-def _all(file: RobotFile) -> Iterator[DhParameter]:
+def dh_letters(file: RobotFile) -> Iterator[DhParameter]:
+    """Every letter of a robot file's table, including those that only define F_b."""
     base = Fixed() if file.base is None else file.base
     for number, row in enumerate(file.joint, 1):
         if file.convention == "standard":

@@ -5,15 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pipeline.answer.contract import Answer, Identity, JointType, Measuring, Unit
+from pipeline.base.language import Say
 from pipeline.base.quantities import plain
+from pipeline.report.record import Item
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
 LabelledText = tuple[str, str]
 """A heading, and what is stated under it."""
 
-IDENTITY_NAMES = ("Campaign", "Operator", "Software")
+_NAMES = ("Campaign", "Operator", "Software")
 """Headings whose entries are names, which are not translated."""
+
+
+def items(answer: Answer, say: Say) -> Iterator[Item]:
+    """The same for the certificate, translated by `say`."""
+    for name, text in rows(answer):
+        yield Item(say(name), text if name in _NAMES else say(text))
 
 
 def rows(answer: Answer) -> Iterator[LabelledText]:
