@@ -1,8 +1,6 @@
 """A campaign up to its displacements in F_b: the first half of a run, for tests and studies."""
 
-from pipeline.reduction.reduced import Reduced
-
-from pipeline.reduction.bring import Keep, Step, bring, plain
+from pipeline.reduction.bring import Keep, Reduced, Step, bring, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import Raw
 

@@ -107,20 +107,20 @@ def _true(
         return None
     if len(kept) == 1:
         return kept[0]
-    if group is None:
-        away = {order: anchored_miss(_renamed(case, _places(names, order))) for order in kept}
-    else:
-        others = _other_rounds(case, names, group)
-        away = {order: float(np.abs(seen - others[list(order)]).max()) for order in kept}
+    away = {order: _away(case, names, seen, group, order) for order in kept}
     best, second = sorted(kept, key=lambda order: away[order] or np.inf)[:2]
     return best if _nearer(away[best], away[second]) else None
 
 
-def _other_rounds(case: Case, names: list[str], group: str) -> Array:
-    """Median readings of the reflectors in all rounds but one [m], not finite where none is."""
+def _away(
+    case: Case, names: list[str], seen: Array, group: str | None, order: tuple[int, ...]
+) -> float | None:
+    """How far the effector is from the table with an assignment, or a round from all others [m]."""
+    if group is None:
+        return anchored_miss(_renamed(case, _places(names, order)))
     rows = _of_base(case, None)
     at = rows[rows["group"] != group].groupby(rows["target"].astype(str))[XYZ].median()
-    return at.reindex(names).to_numpy(float)
+    return float(np.abs(seen - at.reindex(names).to_numpy(float)[list(order)]).max())
 
 
 def _nearer(one: float | None, other: float | None) -> bool:

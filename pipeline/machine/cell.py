@@ -27,13 +27,7 @@ from pipeline.machine.effect import (
     Wrench,
 )
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.machine.robot.configuration import (
-    cross,
-    rotation_about,
-    torque,
-    translation_along,
-    velocity,
-)
+from pipeline.machine.robot.configuration import cross, rigid_motions, torque, velocity
 
 _E = TypeVar("_E", bound=Effect)
 
@@ -487,8 +481,7 @@ def _motions(loaded: Loaded, joint: int) -> tuple[Array, ...]:
     axes, origin = np.eye(3)[None], np.zeros((1, 3))
     if joint:
         axes, origin = loaded.configuration.frame(joint)
-    each = [axes[:, :, k] for k in range(3)]
-    return (*(rotation_about(origin, axis) for axis in each), *map(translation_along, each))
+    return rigid_motions(origin, axes)
 
 
 def _moved_by(effect: Elastic, motion: Array, loaded: Loaded) -> Array:

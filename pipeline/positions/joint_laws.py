@@ -370,11 +370,15 @@ def _shares(found: Calibration, joint: int, orders: Array) -> Array:
     q, inputs, there = found.readings.q[:, joint], found.linear.inputs, found.mechanism
     f = next(one.value(q, knots) for one, knots in there.curved() if one.screw == joint)
     own = [law.basis(inputs) for law in there.laws if law.joint == joint + 1 and _own_angle(law)]
-    X = linear.orthonormal(np.hstack([np.ones((len(q), 1)), *own]))
-    phase = orders * q[:, None]
-    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).reshape(len(q), -1)
+    return _share(f, np.hstack([np.ones((len(q), 1)), *own]), orders * q[:, None])
+
+
+def _share(f: Array, beside: Array, phase: Array) -> Array:
+    """Fraction of f f' (n,) that a wave of each phase (n, w) explains beside columns (n, k)."""
+    X = linear.orthonormal(beside)
+    waves = np.stack([np.cos(phase), np.sin(phase)], axis=1).reshape(len(f), -1)
     f, rest = (one - X @ (X.T @ one) for one in (f, waves))
-    left, whole = (one.reshape(len(q), 2, -1) for one in (rest, waves))
+    left, whole = (one.reshape(len(f), 2, -1) for one in (rest, waves))
     known, _ = linear.left(
         np.einsum("mij,mkj->jik", left, left), np.einsum("mij,mij->ji", whole, whole), _PROJECTED
     )

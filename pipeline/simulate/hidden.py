@@ -8,7 +8,9 @@ from dataclasses import asdict, dataclass
 from difflib import get_close_matches
 from typing import Any
 
-from pipeline.base.arrays import Array, Locked
+import numpy as np
+
+from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.errors import UsageError
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue, table
@@ -94,10 +96,17 @@ def _entry(effect: Effect) -> dict[str, Any]:
         "where": effect.where,
         "acts_on": sorted({type(facet).__name__.lower() for facet in effect.facets}),
         "forms": [],
-        "parameters": [asdict(parameter) for parameter in effect.parameters],
+        "parameters": [_parameter(one) for one in effect.parameters],
         "signature": effect.signature,
         "needs": effect.needs,
         "source": effect.source,
+    }
+
+
+def _parameter(one: Parameter) -> dict[str, Any]:
+    """A parameter; a bound that does not exist is null."""
+    return {
+        key: None if value in (np.inf, -np.inf) else value for key, value in asdict(one).items()
     }
 
 

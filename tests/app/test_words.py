@@ -241,6 +241,8 @@ def test_effects_stand_in_columns(capsys):
     """No size runs into its signature, however long its unit."""
     assert _exit_code(["effects", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
+    bounds = {(one["lower"], one["upper"]) for each in told for one in each["parameters"]}
+    assert bounds >= {(None, None), (0.0, None)}
     assert _exit_code(["effects"]) == 0
     lines = capsys.readouterr().out.splitlines()
 

@@ -60,7 +60,7 @@ def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
 
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
-    ("plant", "says"), [(along_the_beam, "the beam"), (along_the_base, "the base frame")]
+    ("plant", "says"), [(along_the_beam, "the tracker's beam"), (along_the_base, "the base frame")]
 )
 def test_another_frame_is_named_and_turned_back(plant, says):
     """The corrected covariances are the true ones, whatever the signs of the axes."""

@@ -294,9 +294,9 @@ def test_a_wave_is_looked_for_in_what_waves_of_the_model_leave():
     f = 1e-4 * np.cos(2 * q) + 3e-5 * np.sin(9 * q)
     constant = np.ones((50, 1))
 
-    assert _share(f, constant, 9 * q) < 0.2
+    assert _share(f, constant, 9 * q[:, None]) < 0.2
     beside = np.column_stack([constant, np.cos(2 * q), np.sin(2 * q)])
-    assert _share(f, beside, 9 * q) == pytest.approx(1.0)
+    assert _share(f, beside, 9 * q[:, None]) == pytest.approx(1.0)
 
 
 def test_evidence_of_an_element_is_that_of_readings_with_it_over_without():

@@ -19,6 +19,8 @@ from tests.geometry.test_clean_positions import DOWN, TOOL, campaign
 LENGTHS, ANGLES = 11, 9
 STD = 2e-5
 
+NO_KNOTS = np.zeros((0, 0))
+
 
 def table(off, stated=(np.nan, np.nan), alike=()):
     """Entries with errors `off` (20,) that readings determine to `STD`, and the roughness as prior.
@@ -34,7 +36,7 @@ def table(off, stated=(np.nan, np.nan), alike=()):
         D[alike[1]] = 0
     cov = np.linalg.inv(D.T @ D + np.diag(std**-2))
     known = Prior(0 * std, std, turns, np.zeros(len(off), dtype=bool), std, (), stated)
-    return known, Posterior(cov @ D.T @ D @ off, cov, 0.0)
+    return known, Posterior(cov @ D.T @ D @ off, np.linalg.cholesky(cov), NO_KNOTS, 0.0)
 
 
 def delivered(rng, size=3e-4):
@@ -101,7 +103,7 @@ def test_an_entry_that_the_readings_hardly_see_is_not_named():
     known = replace(known, free=free, std=np.where(free, 4e-4, known.std))
     seen = np.diag(np.where(free, 5e-3, STD) ** -2.0)
     cov = np.linalg.inv(seen + np.diag(known.std**-2))
-    found = Posterior(cov @ seen @ off, cov, 0.0)
+    found = Posterior(cov @ seen @ off, np.linalg.cholesky(cov), NO_KNOTS, 0.0)
 
     assert outstanding(known, found)[2]  # beside such a wide prior as suspects have
     assert not confirmed(known, found).any()

@@ -152,6 +152,12 @@ def translation_along(axis: Array) -> Array:
     return np.concatenate([np.zeros_like(axis), axis], axis=-1)
 
 
+def rigid_motions(point: Array, axes: Array) -> tuple[Array, ...]:
+    """Unit rotations about, then translations along the columns of `axes`, (m, 3, 3), (m, 6)."""
+    each = [axes[:, :, k] for k in range(3)]
+    return (*(rotation_about(point, axis) for axis in each), *map(translation_along, each))
+
+
 def velocity(twists: Array, points: Array) -> Array:
     """Velocity of points per unit of each screw, omega x p + v: the Jacobians J_m of Eq. (4).
 
