@@ -189,12 +189,18 @@ class Watch:
 
 
 def reached(package: Path, tests: Sequence[str]) -> Reached:
-    """Which functions of the package the tests of a room enter."""
+    """Which functions of the package the tests of a room enter.
+
+    Raises:
+        RuntimeError: Pytest could not collect them; then no bug would be entered by any.
+    """
     import pytest
 
     watch = Watch(package)
-    pytest.main(
+    told = pytest.main(
         [*tests, "-q", "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[watch.plugin()]
     )
     sys.setprofile(None)
+    if told not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
+        raise RuntimeError(f"pytest ended with {told!r}")
     return watch.reached()

@@ -1,11 +1,15 @@
 """Entries of the answer, each against what it states."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.answer.diagnosis import mistake_entry
+from pipeline.answer.inputs import registration_entry
+from pipeline.answer.words import worst_known
 from pipeline.faults.mistake import as_it_is, outlying
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters, nominal
@@ -72,3 +76,46 @@ def test_what_was_stated_is_contradicted_as_rarely_as_said():
         assert _chance(k * off, k * std, cov * np.outer(k, k)) == pytest.approx(p[-1], rel=1e-6)
 
     assert np.histogram(p, 4, (0, 1))[0] == pytest.approx([200] * 4, abs=4 * np.sqrt(150))
+
+
+@pytest.mark.parametrize(
+    ("known", "worst"),
+    [
+        ((0.02, 0.3, 0.1), 1),
+        ((0.02, None, 0.1), 2),  # a value without an uncertainty is not the worst
+        ((0.02, "lost", 0.3, "lost"), 1),
+    ],
+)
+def test_the_worst_known_stiffness_is_lost_or_the_least_certain(known, worst):
+    """One without a value comes before any that has one."""
+    each = [
+        SimpleNamespace(
+            value=None if std == "lost" else 1e6, relative_std=None if std == "lost" else std
+        )
+        for std in known
+    ]
+
+    assert worst_known(each) is each[worst]
+    assert worst_known([]) is None
+
+
+def test_base_residuals_are_of_the_distances_in_millimetres():
+    """3, 4 and 0 mm: rms 5 / sqrt(3), the largest 4; p from chi-squared with its degrees."""
+    table = pd.DataFrame(
+        {"dx_m": [3e-3, 0.0, 0.0], "dy_m": [0.0, 4e-3, 0.0], "dz_m": [0.0, 0.0, 0.0]}
+    )
+    registration = SimpleNamespace(
+        table=table,
+        cov=np.diag([1.0, 4.0, 9.0, 16.0, 25.0, 36.0]),
+        chi2=4.0,
+        dof=2,
+        growth=SimpleNamespace(probability=0.0),
+    )
+
+    entry = registration_entry(registration)
+
+    assert (entry.rms_mm, entry.max_mm) == pytest.approx((5 / np.sqrt(3), 4.0))
+    assert entry.p_value == pytest.approx(np.exp(-2.0))
+    assert entry.rotation_std_rad == pytest.approx((1, 2, 3))
+    assert entry.translation_std_m == pytest.approx((4, 5, 6))
+    assert registration_entry(SimpleNamespace(table=table[:0])) is None
