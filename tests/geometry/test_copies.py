@@ -103,6 +103,8 @@ def test_two_waves_that_no_curve_of_few_poses_contains_take_its_place():
     found, _ = _of_own_angles(data, found, clues, judge)
 
     assert found.wanted.curves == ()
-    size = {law.order: float(np.linalg.norm(part)) for law, part in found.mechanism._lawful()}
+    laws = found.mechanism.laws
+    parts = np.split(found.mechanism.amplitudes, np.cumsum([law.amplitudes for law in laws])[:-1])
+    size = {law.order: float(np.linalg.norm(part)) for law, part in zip(laws, parts, strict=True)}
     assert size[12.0] == pytest.approx(6e-5, rel=0.2)
     assert size[7.0] == pytest.approx(6e-5, rel=0.2)
