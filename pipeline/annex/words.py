@@ -19,6 +19,7 @@ _SOURCES = {
     "payload_mass": "mass of weights and payloads",
     "payload_center": "centre of mass of the payloads",
     "law": "laws of the identified causes",
+    "seat": "seats of the identified causes",
     "second_order": "deflected geometry, which c = B x leaves out",
     "tracker_scale": "calibration of the tracker (ISO 10360-10)",
     "day": "day-to-day scatter",

@@ -250,6 +250,7 @@ def _sized(system: System, model: CurrentModel, ratio: float) -> Estimate:
     """Estimate without other laws of the same element: the magnitude is that of the named law.
 
     Those laws are common to all pulls and would absorb as much of the cause as they resemble it.
+    Where the element sits stays uncertain: the size is that of its effect over the lever.
     """
     errors = system.errors
     own = ~((errors.source == "law") & errors.common)

@@ -237,7 +237,7 @@ def whiten(
     errors = _widened(seen, doubt if in_each else (), force_noise)
     white = whitener(errors, seen.rows.pose)
     spread = np.sqrt(np.asarray(errors.G.multiply(errors.G).sum(axis=1)).ravel())
-    kin = [_kin(seen, accepted, fraction) for accepted, fraction in doubt]
+    kin = [part for one in doubt for part in _kin(seen, *one)]
     more = np.concatenate([np.zeros((len(seen.rows), 0)), *kin], axis=1)
     return _view(seen, more, white, noise, spread)
 
@@ -245,16 +245,19 @@ def whiten(
 def with_laws(seen: Linearised, errors: Errors, doubt: Sequence[tuple[int, float]]) -> Errors:
     """Errors of c including the uncertainty of the laws of accepted causes, source `law`.
 
+    Where an element sits is common to all pulls too, of source `seat`.
+
     Args:
         seen: The campaign linearised at a model.
         errors: Its errors without the laws.
         doubt: Accepted suspects, each with the fraction to which its law is known.
     """
-    kin = [np.zeros((len(seen.rows), 0)), *(_kin(seen, *one) for one in doubt)]
-    G = scipy.sparse.csr_array(np.concatenate(kin, axis=1))
-    more = G.shape[1]
-    alike = Errors(G, np.full(more, "law", dtype=object), np.ones(more, dtype=bool))
-    return _widened(replace(seen, errors=errors), doubt, 1.0).beside(alike)
+    errors = _widened(replace(seen, errors=errors), doubt, 1.0)
+    for one in doubt:
+        for source, G in zip(("law", "seat"), _kin(seen, *one), strict=True):
+            names, common = np.full(G.shape[1], source, dtype=object), np.ones(G.shape[1], bool)
+            errors = errors.beside(Errors(scipy.sparse.csr_array(G), names, common))
+    return errors
 
 
 def of_laws(
@@ -286,8 +289,8 @@ def of_laws(
     return with_laws(seen, nothing, [(k, one.tolerance) for k, one in enumerate(causes)])
 
 
-def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
-    """What an accepted law may be instead, each to a fraction of its effect, (M, j).
+def _kin(seen: Linearised, accepted: int, fraction: float) -> tuple[Array, Array]:
+    """What an accepted law may be instead, each to a fraction of its effect, (M, j) and (M, 6).
 
     Alternative laws of the same element: column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a
     the effect of the accepted one. And its own where an elastic element sits elsewhere.
@@ -309,7 +312,7 @@ def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
     columns = seen.Z[:, np.isin(owner, others)]
     size = np.linalg.norm(columns, axis=0)
     scale = fraction * np.linalg.norm(moved) / np.where(size > 0, size, np.inf)
-    return np.column_stack([columns * scale, _elsewhere(seen, effect, part, fraction)])
+    return columns * scale, _elsewhere(seen, effect, part, fraction)
 
 
 def _elsewhere(seen: Linearised, effect: Effect, part: Array, fraction: float) -> Array:
