@@ -46,6 +46,11 @@ def pytest_collection(session: pytest.Session) -> Iterator[None]:
         gc.enable()
 
 
+def pytest_unconfigure() -> None:
+    """Let the interpreter clear at its end what was frozen, or nanobind reports it as leaked."""
+    gc.unfreeze()
+
+
 def _import_all(part: float) -> None:
     """Import the tests, beginning after this part of them."""
     files = sorted(Path(__file__).parent.rglob("test_*.py"))
