@@ -177,7 +177,8 @@ def test_an_element_may_sit_elsewhere_by_its_tolerance(small_campaign, read_back
 
     seat = one.source == "seat"
     moved = rolls.Z[:, 0] * rolls.model.values[7]
-    assert seat.sum() == 6 and one.common[seat].all()
+    assert seat.sum() == 6
+    assert one.common[seat].all()
     size = np.linalg.norm(one.G[:, seat].toarray(), axis=0) / np.linalg.norm(moved)
     assert 0.005 < size.max() < 0.06  # turned by 20 mrad, or shifted by 2 % of its lever
     np.testing.assert_allclose(
