@@ -81,32 +81,35 @@ def dead(asked: Screening) -> list[Mistake]:
 def _still(case: Case, data: Measured, moved: Array) -> list[Mistake]:
     """Displacements that no possible stiffnesses relate to the loads.
 
-    All of them, or runs of consecutive ones, of all targets or of one: m the displacement with
-    typical stiffnesses and d the measured one, those of greatest sum m'm / 10 - m'd.
+    All of them, or runs of consecutive ones, of all targets or of one, as by `_dead_run`.
     """
     if _unrelated(moved, data.delta):
         return [_of_still(case, data, moved, np.arange(len(moved)))]
-    gain = _PART * np.sum(moved**2, axis=1) - np.sum(moved * data.delta, axis=1)
+    due, seen = np.sum(moved**2, axis=1), np.sum(moved * data.delta, axis=1)
     left, found = _as_read(case, data), list[Mistake]()
     for target in (None, *(() if data.poses else np.unique(data.target))):
         while True:
             mine = left if target is None else left[data.target[left] == target]
-            run = mine[_greatest(gain[mine])]
-            if not _unrelated(moved[run], data.delta[run]):
+            part, follows = _dead_run(due[mine], seen[mine])
+            run = mine[part]
+            if not _unrelated(moved[run], data.delta[run], max(_STIFF, _PART * follows)):
                 break
             found.append(_of_still(case, data, moved, run))
             left = left[~np.isin(left, run)]
     return found
 
 
-def _unrelated(moved: Array, delta: Array) -> bool:
-    """Whether displacements (n, 3) cannot be those of a robot that should make `moved` [m]."""
+def _unrelated(moved: Array, delta: Array, least: float = _STIFF) -> bool:
+    """Whether displacements (n, 3) cannot be those of a robot that should make `moved` [m].
+
+    It would make the fraction `least` of them at least.
+    """
     due, seen = (rms(one) if one.size else 0.0 for one in (moved, delta))
     if moved.size < _FEWEST or due < 100 * STILL_M or seen > 10 * _STIFF * due:
         return False
     part = float(np.sum(moved * delta)) / float(np.sum(moved**2))
     error = _BY_CHANCE * seen / due / np.sqrt(moved.size)
-    return bool(seen <= STILL_M / 10 or (abs(part) <= error and part + error < _STIFF))
+    return bool(seen <= STILL_M / 10 or (abs(part) <= error and part + error < least))
 
 
 def _as_read(case: Case, data: Measured) -> Ints:
@@ -116,6 +119,26 @@ def _as_read(case: Case, data: Measured) -> Ints:
     read = pd.MultiIndex.from_frame(rows[["pose", "repeat"]].drop_duplicates())
     place = read.get_indexer_for(pulls) if len(read) else np.arange(len(pulls))
     return np.argsort(place[data.pull], kind="stable")
+
+
+def _dead_run(due: Array, seen: Array) -> tuple[slice, float]:
+    """Consecutive displacements that are least squares' zeros, and how the others follow the loads.
+
+    m the displacement with typical stiffnesses and d the measured one: d = 0 in the run and b m
+    beside it, hence that of greatest sum b m'm / 2 - m'd; b / 2 is 1 / 10 at first, then from the
+    others.
+
+    Args:
+        due: m'm [m^2], shape (d,).
+        seen: m'd [m^2], shape (d,).
+
+    Returns:
+        The run, and b of the others [1]: no part of a campaign is ten times as stiff as the rest.
+    """
+    run = _greatest(_PART * due - seen)
+    others = np.delete(np.arange(len(due)), run)
+    follows = float(np.sum(seen[others]) / max(np.sum(due[others]), 1e-300))
+    return _greatest(max(follows / 2, _PART) * due - seen), follows
 
 
 def _greatest(gain: Array) -> slice:
