@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from filelock import FileLock
+from filelock import FileLock, Timeout
 
 from pipeline.answer.archive import Among, Finished, kept_tables, read
 from pipeline.answer.contract import Answer
@@ -40,7 +40,7 @@ def refresh(root: Path) -> Path | None:
     answers = [one.answer for one in everyone]
     wear, dress = _wear(root), appearances(root)
     for one in everyone:
-        one.campaign.tidy()
+        tidy(one.campaign)
         stands = {
             "previous": mark(previous(one.answer, answers)),
             "wear": fleet_sentences(one.answer, wear),
@@ -50,6 +50,19 @@ def refresh(root: Path) -> Path | None:
         if not _says(manifest, stands):
             _tell(one.campaign, dress)
     return _index(root, everyone, wear) if everyone else None
+
+
+def tidy(campaign: CampaignFolder) -> None:
+    """Remove what a killed run left behind, also if nothing has to be computed.
+
+    A running process cleans up after itself, and a read-only disk is left unchanged.
+    """
+    folders = (campaign.processed, campaign.reports)
+    if not any(files.leftovers(folder) for folder in folders):
+        return
+    with suppress(Timeout, OSError), FileLock(campaign.processed / ".lock", timeout=0):
+        for folder in folders:
+            files.sweep(folder)
 
 
 def among(campaign: CampaignFolder, answer: Answer) -> Among:

@@ -12,7 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from importlib import metadata
@@ -231,18 +231,6 @@ class CampaignFolder:
             yield waited
         finally:
             lock.release()
-
-    def tidy(self) -> None:
-        """Remove what a killed run left behind, also if nothing has to be computed.
-
-        A running process cleans up after itself, and a read-only disk is left unchanged.
-        """
-        folders = (self.processed, self.reports)
-        if not any(files.leftovers(folder) for folder in folders):
-            return
-        with suppress(Timeout, OSError), FileLock(self.processed / ".lock", timeout=0):
-            for folder in folders:
-                files.sweep(folder)
 
     def _acquired_late(self, lock: FileLock) -> bool:
         try:
