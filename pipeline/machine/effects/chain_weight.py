@@ -1,29 +1,46 @@
-"""Weight W of chain and scale: half of it acts downwards on the robot, unseen by the scale.
+"""Weight W of chain and scale, of which the robot carries what hangs on its side.
 
-The chain pulls the robot with H u - (W/2) e_z, where H u is the tension at the middle of its
-weight. A scale reads the tension at its own place, S = H - s (W/2) u_z, so that
-S u - (W/2) (e_z - s u_z u) acts, and only the component of the weight across the pull does not
-depend on the place of the scale.
+Let r W hang between the robot and the middle of the reflectors that show the direction u of the
+chain, and s W between the robot and the scale. A taut chain is in equilibrium piece by piece: the
+tension is H u at the reflectors and |H u + (s - r) W e_z| = S in the scale, and on the robot acts
+
+    H u - r W e_z,    H = sqrt(S^2 - w'w + (u'w)^2) - u'w,    w = (s - r) W e_z.
+
+Only the component across the pull does not depend on the place of the scale.
 """
 
 from functools import partial
 from math import inf
+
+import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
-_SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
-"""s: coefficient of half the weight along the pull in the reading, by the place of the scale
-[1]."""
+_SHARES = {
+    "scale at the robot": (0.5, 0.0),
+    "scale amid the chain": (0.5, 0.5),
+    "scale at the anchor": (0.5, 1.0),
+    "scale at the anchor, reflectors near the robot": (0.2, 1.0),
+}
+"""r, s: shares of the weight on the robot's side of the reflectors, which are amid the chain unless
+said otherwise, and of the scale [1]. With W unknown, pulls show r / s alone: these are some two
+times apart, and what lies between is within the tolerance of the law."""
 
 
-def _wrench(loaded: Loaded, values: Array, side: float, up: Array) -> tuple[Array, Array]:
+def _wrench(
+    loaded: Loaded, values: Array, shares: tuple[float, float], up: Array
+) -> tuple[Array, Array]:
     """Acting load point and force."""
-    u = direction(loaded)
-    weight = values[0] / 2 * (up - side * u * (u @ up)[:, None])
-    return loaded.load_point, loaded.force - loaded.pulls.pulled * weight
+    robot, scale = shares
+    u, w = direction(loaded), (scale - robot) * values[0] * up
+    along = u @ w
+    read = np.sum(loaded.force**2, axis=1)
+    tension = np.sqrt(np.maximum(read - w @ w + along**2, 0.0)) - along
+    acts = np.maximum(tension, 0.0)[:, None] * u - robot * values[0] * up
+    return loaded.load_point, loaded.force + loaded.pulls.pulled * (acts - loaded.force)
 
 
 def effects(robot: Robot) -> tuple[Wrench, ...]:
@@ -38,9 +55,9 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             signature="a constant pull downwards; along the chain as much of it as hangs between "
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",
-            source="catenary to first order; 50 to 100 N is an estimate",
-            wrench=partial(_wrench, side=side, up=-robot.down),
+            source="statics of a taut chain; 50 to 100 N is an estimate",
+            wrench=partial(_wrench, shares=shares, up=-robot.down),
             of=(PULLED,),
         )
-        for form, side in _SIDE.items()
+        for form, shares in _SHARES.items()
     )
