@@ -557,6 +557,37 @@ def test_the_core_does_not_grow():
     assert len(core) <= 260
 
 
+WHOLE = {"run", "app", "pipeline"}
+"""Imports, the package itself among them, of tests that play a campaign or type a command."""
+BESIDE = {"dialects": {"readers"}, "geometry": {"positions"}, "validation": {"bench"}}
+"""Folders of tests that also test through or of another room: dialects are read through `readers`,
+positions were once a part of `geometry`, and `validation` keeps what other tools said."""
+
+
+def rooms_of(path):
+    """Rooms that a file of tests imports at its top, `bench` among them, also from other tests."""
+    text = path.read_text("utf-8")
+    froms = re.findall(r"^from pipeline import (\([^)]*|.*)", text, re.MULTILINE)
+    inner = re.findall(r"^(?:from|import) (?:pipeline|tests)\.(\w+)", text, re.MULTILINE)
+    whole = re.findall(r"^(?:import (pipeline)$|from (bench)\b)", text, re.MULTILINE)
+    return {name for one in froms for name in re.findall(r"\w+", one)} | {
+        *inner,
+        *("".join(one) for one in whole),
+    }
+
+
+def test_a_file_of_tests_stands_in_the_room_that_it_tests():
+    """It imports from there, plays whole campaigns, or leaves all imports to its helpers."""
+    folder = Path(__file__).parent
+    misplaced = {}
+    for path in sorted(folder.glob("*/**/test_*.py")):
+        room, rooms = path.relative_to(folder).parts[0], rooms_of(path)
+        if rooms - {"bench"} and not rooms & {room, *WHOLE, *BESIDE.get(room, ())}:
+            misplaced[f"{room}/{path.name}"] = sorted(rooms)
+
+    assert misplaced == {}, "move it beside the tests of the room that it imports"
+
+
 def test_a_file_of_tests_has_its_name_alone():
     """Pytest imports each by its name, and confuses two with the same name."""
     paths = [*Path(__file__).parent.rglob("*.py")]
