@@ -91,7 +91,7 @@ def aim(
         known: The program, for the frames that it defines.
 
     Raises:
-        Refused: Some targets cannot be reached, or a frame or the position of the rail is unknown.
+        Refusal: Some targets cannot be reached, or a frame or the position of the rail is unknown.
     """
     aiming = _Aiming(model, notation, setting, known)
     found = [aiming.next(target) for target in targets]

@@ -65,7 +65,7 @@ def correct(
         partial: Whether to correct what can be corrected while other motions stay as taught.
 
     Raises:
-        Refused: Some targets cannot be reached or corrected, or some motions would stay as taught.
+        Refusal: Some targets cannot be reached or corrected, or some motions would stay as taught.
     """
     if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
         raise Refusal(standing)
@@ -137,7 +137,7 @@ def corrected(
         in_tool: Whether forces are in the tool frames rather than in F_b.
 
     Raises:
-        Refused: Some of them cannot be corrected.
+        Refusal: Some of them cannot be corrected.
     """
     if in_tool:
         force = in_base(model.robot, aimed.q, aimed.tool, force)
