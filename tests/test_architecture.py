@@ -43,7 +43,7 @@ SPEAKING = (
     "predict.py",
     "plan_files.py",
     "plan_figures.py",
-    "corrected.py",
+    "on_disk.py",
     "library.py",
     "report.py",
     "describe_file.py",

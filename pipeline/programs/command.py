@@ -13,7 +13,7 @@ from pipeline.app.commands._shared import Named, Root, fitted
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.programs._text import LARGEST_PROGRAM
-from pipeline.programs.corrected import (
+from pipeline.programs.on_disk import (
     CorrectionOptions,
     ForceFrame,
     companion,

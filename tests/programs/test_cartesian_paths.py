@@ -14,7 +14,7 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.programs.aim import Refusal
-from pipeline.programs.corrected import CorrectionOptions, ForceFrame, write
+from pipeline.programs.on_disk import CorrectionOptions, ForceFrame, write
 
 ROBOT = load("kr500_rail")
 FORCE = np.array([600.0, -800.0, -900.0])

@@ -1,4 +1,4 @@
-"""Correct paths and robot programs by a campaign's model, with the options of the command line."""
+"""Correct paths and robot programs on disk, with the model of a campaign and options as typed."""
 
 from __future__ import annotations
 
@@ -315,13 +315,13 @@ def _poses(
     """Corrected coordinates and offsets of a path of poses, and remarks."""
     from pipeline.programs import cartesian
     from pipeline.programs.aim import aim
-    from pipeline.programs.correct import corrected
+    from pipeline.programs.correct import correct_targets
     from pipeline.programs.notation import Notation
 
     setting = _setting(given, Notation(letters), model, path=True)
     wanted = cartesian.read(path.name, data, model.robot, letters, _force(given))
     aimed = aim(model, wanted.notation, wanted.targets, setting)
-    found, values = corrected(
+    found, values = correct_targets(
         model, wanted.notation, wanted.targets, aimed, wanted.force, setting.in_tool
     )
     _refuse_far(given, found, [(one.name, one.file, one.line) for one in wanted.targets])
