@@ -1,7 +1,7 @@
 """START HERE: the order of the stages. Tracker exports in, stiffnesses and a report out.
 
 Every stage is a function from named tables to named tables (tables.py); this file puts them in
-order and keeps every table. `step` determines how a stage is executed (directly, or as a Prefect
+order and keeps every table. `step` determines how a stage is executed (inline, or as a Prefect
 task).
 """
 
@@ -39,7 +39,7 @@ from pipeline.faults.joint_row import contradicted
 from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
-from pipeline.reduction.bring import Keep, Step, bring, conformed, directly
+from pipeline.reduction.bring import Keep, Step, bring, conformed, inline
 from pipeline.reduction.case import Case, FilesAsRead
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
@@ -63,7 +63,7 @@ _LAST_RESORT = "campaign.toml"
 """File named when input is rejected for reasons that concern no single file."""
 
 
-def run(campaign: CampaignFolder, step: Step = directly, force: bool = False) -> Answer:
+def run(campaign: CampaignFolder, step: Step = inline, force: bool = False) -> Answer:
     """Bring one campaign up to date and return its answer.
 
     Nothing is computed if inputs, code and libraries are those of the last finished run.
@@ -83,9 +83,7 @@ def run(campaign: CampaignFolder, step: Step = directly, force: bool = False) ->
             return _compute(campaign, raw, step)
 
 
-def ingested(
-    raw: Raw, keep: Keep = conformed, step: Step = directly, plausible: bool = True
-) -> Case:
+def ingested(raw: Raw, keep: Keep = conformed, step: Step = inline, plausible: bool = True) -> Case:
     """Ingest the tables of a campaign.
 
     Poses beyond the robot's limits that no wrong unit or convention explains are left out, and so
@@ -113,7 +111,7 @@ def ingested(
 
 
 def ingested_with_doubt(
-    raw: Raw, keep: Keep = conformed, step: Step = directly, plausible: bool = True
+    raw: Raw, keep: Keep = conformed, step: Step = inline, plausible: bool = True
 ) -> tuple[Case, InputError | None]:
     """The tables of a campaign, and why their values are in doubt if they are kept nevertheless."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
@@ -169,7 +167,7 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
 
 
 def campaign_answer(
-    name: str, raw: Raw, keep: Keep = conformed, step: Step = directly
+    name: str, raw: Raw, keep: Keep = conformed, step: Step = inline
 ) -> CampaignAnswer:
     """Run the stages up to stiffnesses, and what is wrong with data or model."""
     with raw.placing(), alone():

@@ -26,7 +26,7 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.reduction.bring import Step, bring, directly
+from pipeline.reduction.bring import Step, bring, inline
 from pipeline.run import campaign_answer, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
@@ -364,7 +364,7 @@ class Clock:
         return timed
 
 
-def answer_of(files: Mapping[str, bytes], step: Step = directly) -> dict[str, Any] | None:
+def answer_of(files: Mapping[str, bytes], step: Step = inline) -> dict[str, Any] | None:
     """Answer of `pipeline run` for these files, without writing; None if it rejects them."""
     found = _answered(files, step)
     return found and found.answer.as_json()

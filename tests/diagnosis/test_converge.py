@@ -13,7 +13,7 @@ from world_files import written
 from pipeline.diagnosis import converge as module
 from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
-from pipeline.reduction.bring import bring, directly
+from pipeline.reduction.bring import bring, inline
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
@@ -24,7 +24,7 @@ KEPT = Path(__file__).parents[2] / "data" / "raw"
 def settled(case):
     """Final state of a campaign."""
     reduced = bring(case)
-    return converge(case, reduced, fit(case, reduced), directly)
+    return converge(case, reduced, fit(case, reduced), inline)
 
 
 def spoilt(case, count, size_m, seed):
@@ -242,7 +242,7 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_bounded", lambda end: end)
     monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
-    assert converge(None, None, None, directly).screened.key == 5
+    assert converge(None, None, None, inline).screened.key == 5
 
 
 def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
@@ -257,7 +257,7 @@ def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
     monkeypatch.setattr(module, "_bounded", lambda end: end)
     monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
-    assert converge(None, None, None, directly).screened.findings == ("causes",)
+    assert converge(None, None, None, inline).screened.findings == ("causes",)
 
 
 @pytest.mark.parametrize(
@@ -300,4 +300,4 @@ def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
     monkeypatch.setattr(module, "_supposed", lambda *_: (ends[1].screened,))
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
-    assert (converge(None, None, None, directly) is ends[1]) == named
+    assert (converge(None, None, None, inline) is ends[1]) == named
