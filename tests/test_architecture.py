@@ -1,6 +1,7 @@
 """The architecture, checked by the imports of the code."""
 
 import ast
+import builtins
 import functools
 import graphlib
 import os
@@ -493,19 +494,40 @@ def names_of(path):
             yield from (one.id for one in targets if isinstance(one, ast.Name))
 
 
+@functools.cache
+def texts():
+    """The text of every file of the package."""
+    return {path: path.read_text("utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+
+
 def test_a_module_that_a_text_names_exists():
     """`system.score_tests` in a docstring is a file, or a name of the package, also tomorrow."""
     folders = {path.name: path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
     missing = [
-        f"{path.relative_to(PACKAGE)}: {room}.{name}"
-        for path in sorted(PACKAGE.rglob("*.py"))
-        for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", path.read_text("utf-8"))
+        f"{short(path)}: {room}.{name}"
+        for path, text in texts().items()
+        for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", text)
         if room in folders and name not in ("toml", "py")
         if not {f"{room}.{name}"} & KNOWN and not (folders[room] / name).is_dir()
         if name not in names_of(folders[room] / "__init__.py")
     ]
 
     assert not missing
+
+
+def test_an_error_that_a_docstring_announces_exists():
+    """A class of the package, of Python or of NumPy."""
+    known = {name for text in texts().values() for name in re.findall(r"^class (\w+)", text, re.M)}
+    known |= {*vars(builtins), "LinAlgError"}
+    announced = {
+        (short(path), name)
+        for path, text in texts().items()
+        for part in re.findall(r"^ +Raises:\n((?: +\S.*\n)+)", text, re.M)
+        for name in re.findall(r"^ +([A-Z]\w+):", part, re.M)
+    }
+
+    assert len(announced) > 100
+    assert {one for one in announced if one[1] not in known} == set()
 
 
 def test_a_file_that_a_first_page_names_exists():
