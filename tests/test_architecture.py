@@ -385,6 +385,17 @@ def test_every_folder_is_core_or_outbuilding():
     }, "write a new one into ORDER or OUTBUILDINGS, and into the same table of docs/code.md"
 
 
+def test_the_picture_of_the_code_shows_every_package():
+    """Each within its frame: `make picture` draws it again."""
+    svg = (PACKAGE.parent / "docs/figures/packages.svg").read_text("utf-8")
+    *_, width, height = map(float, re.search(r'viewBox="([^"]+)"', svg)[1].split())
+    drawn = re.findall(r'x="([-.\d]+)" y="([-.\d]+)" transform=[^>]*>(\w+)  \d+<', svg)
+
+    assert {name for *_, name in drawn} == {*ORDER, *OUTBUILDINGS}
+    assert [name for x, y, name in drawn if not 0 < float(x) < width] == []
+    assert [name for x, y, name in drawn if not 0 < float(y) < height] == []
+
+
 def test_every_package_imports_only_those_below_it():
     """The order of docs/code.md, also for late imports; and thus no outbuilding."""
     for path in PACKAGE.rglob("*.py"):
