@@ -109,7 +109,7 @@ schema: .venv/.ready
 	@$(PY) -m bench.schema
 
 picture: .venv/.ready
-	@$(PY) -m bench.picture docs/figures/packages.svg
+	@$(PY) -m bench.picture
 
 docs: .venv/.ready .venv/.docs
 	@$(PY) -m sphinx -q -W --keep-going -b html -d build/doctrees $(ARGS) docs build/site

@@ -12,7 +12,7 @@ from pyarrow import csv
 from bench.reduced import reduce
 from pipeline import readers
 from pipeline.readers import catalogue
-from pipeline.reduction.bring import conformed, plain, to_displacements
+from pipeline.reduction.bring import conformed, to_displacements
 from pipeline.run import ingested
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
@@ -44,7 +44,7 @@ def run() -> list[tuple[str, float, str]]:
         _row("SpatialAnalyzer to readings", _spatial_analyzer(export), 3),
     ]
     for what, work in (
-        ("with every check", lambda: ingested(raw, conformed, plain)),
+        ("with every check", lambda: ingested(raw)),
         ("and reduced to forces and displacements", lambda: _displacements(raw)),
         ("the same with a covariance for every beam", lambda: _displacements(with_beams)),
         ("and joined to the arrays of the estimator", lambda: reduce(raw, conformed)),
@@ -56,7 +56,7 @@ def run() -> list[tuple[str, float, str]]:
 
 
 def _displacements(raw: Raw) -> object:
-    return to_displacements(ingested(raw, conformed, plain), conformed)
+    return to_displacements(ingested(raw), conformed)
 
 
 def _row(what: str, data: bytes, header: int = 1) -> tuple[str, float, str]:

@@ -16,7 +16,7 @@ from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan, screen
 from pipeline.faults.reading import TargetReadings, shifted_readings
-from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
@@ -71,7 +71,7 @@ def _found(job: tuple[str, float, int]) -> tuple[float, float, float, float]:
     wanted = revised(plan(f"outlier={size}", 10_000 + seed), {"tracker": NOISES[noise]})
     made = simulate(wanted)
     where = made.truth["effects"][0]["where"]
-    case = ingested(in_memory(made.files), conformed, plain, plausible=False)
+    case = ingested(in_memory(made.files), plausible=False)
     reduced = bring(case)
     first = next(iter(screen(case, reduced).findings), None)
     system, estimate = identify(case.cell, reduced.data, case.robot.nominal_compliance)

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.faults.screen import Screened, files_of, singles_of
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.run import ingested
 from pipeline.service.executor import InProcesses, in_order
@@ -88,7 +88,7 @@ def _found(job: tuple[str, int]) -> tuple[str, str, str]:
     """What was planted and what was found first, as `name place`, and all evidence."""
     made = simulate(plan(*job))
     raw = in_memory(made.files)
-    case = ingested(raw, conformed, plain, plausible=False)
+    case = ingested(raw, plausible=False)
     findings = screen(case, bring(case)).findings
     planted = made.truth["effects"]
     wanted = f"{planted[0]['name']} {planted[0]['where']}" if planted else ""

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
@@ -42,7 +42,7 @@ def run() -> Iterable[tuple[str, float, str]]:
 
 def _budget() -> Iterable[tuple[str, float, str]]:
     """Relative standard uncertainty of each stiffness, and each source's share of its variance."""
-    case = ingested(in_memory(simulate(parse(PLAN.read_text("utf-8"))).files), conformed, plain)
+    case = ingested(in_memory(simulate(parse(PLAN.read_text("utf-8"))).files))
     system, estimate = identify(case.cell, bring(case).data, case.robot.nominal_compliance)
     parts = budget(system, estimate)
     for joint in range(case.robot.n):
@@ -78,7 +78,7 @@ def _redrawn(number: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _identified(files: dict[str, bytes]) -> tuple[np.ndarray, np.ndarray]:
-    case = ingested(in_memory(files), conformed, plain)
+    case = ingested(in_memory(files))
     _, estimate = identify(case.cell, bring(case).data, case.robot.nominal_compliance)
     return estimate.value, estimate.std
 
@@ -121,7 +121,7 @@ def _covered(seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Whether each interval contains the truth, and the error of the estimate in units of std."""
     plan = revised(parse(PLAN.read_text("utf-8")), _hall(seed))
     made = simulate(plan)
-    case = ingested(in_memory(made.files), conformed, plain)
+    case = ingested(in_memory(made.files))
     estimate = fit(case, bring(case)).estimate
     truth = np.array([1 / entry["value"] for entry in made.truth["stiffness"]])
     off = (estimate.value - truth) / estimate.std
@@ -138,6 +138,6 @@ def _noise() -> Iterable[tuple[str, float, str]]:
 
 def _named(job: tuple[int, float]) -> tuple[bool, float]:
     plan = revised(parse(PLAN.read_text("utf-8")), _hall(*job))
-    case = ingested(in_memory(simulate(plan).files), conformed, plain)
+    case = ingested(in_memory(simulate(plan).files))
     noise = fit(case, bring(case)).noise
     return bool(noise.larger[0]), noise.of("tracker")

@@ -57,6 +57,7 @@ class World:
         completed: Function that counts the completed Prefect runs of each campaign.
         unkilled: Kinds that are not killed.
         rests_s: Pause before a process is restarted [s], by kind.
+        begun: Number of times that a process of each kind was started again.
     """
 
     root: Path

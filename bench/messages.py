@@ -13,7 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "pipeline"
 
-SPOKEN: dict[str, tuple[str, ...]] = {
+SPOKEN: dict[str, tuple[str, ...] | None] = {
     "positions/answer.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
     "answer/remarks.py": ("WORK", "other_way", "stiffness_text"),
     "answer/sentences.py": (
@@ -32,8 +32,8 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "positions/position_readings.py": (),
     "positions/position_rows.py": (),
     "machine/effect.py": ("in_place",),
-    "machine/effects/[!nu]*.py": (),
-    "machine/effects/noise.py": (),
+    "machine/effects/*.py": (),
+    "machine/effects/nameless.py": None,
     "machine/effects/unlisted.py": ("_said",),
     "design/room.py": ("unchecked",),
     "report/certificate.py": (),
@@ -78,8 +78,8 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         "JUDGED",
     ),
 }
-"""Files, and the functions and constants in them with texts of a certificate or sheet; () is
-all."""
+"""Files, and the functions and constants in them with texts of a certificate or sheet: all of them
+if (), none if None. The line of a single file replaces that of a pattern."""
 
 JOINED = (
     *("{} ({})", "{}: {}", "{} = {}", "{} or {}", " in axis {}", "axis {}", "joint {}", "pose"),
@@ -153,12 +153,21 @@ def texts() -> dict[str, str]:
     """Every text, and the first file that contains it."""
     found = dict.fromkeys(JOINED, "")
     for pattern, names in SPOKEN.items():
-        sources = {path: path.read_text("utf-8") for path in sorted(ROOT.glob(pattern))}
-        _there(pattern, names, sources.values())
+        sources = {path: path.read_text("utf-8") for path in files_of(pattern)}
+        _there(pattern, names or (), sources.values())
+        if names is None:
+            continue
         for path, source in sources.items():
             for _, text in _said(source, names):
                 found.setdefault(text, path.relative_to(ROOT).as_posix())
     return found
+
+
+def files_of(pattern: str) -> list[Path]:
+    """The files of a pattern, except those that have a line of their own in `SPOKEN`."""
+    others = SPOKEN.keys() - {pattern}
+    every = sorted(ROOT.glob(pattern))
+    return [path for path in every if path.relative_to(ROOT).as_posix() not in others]
 
 
 def _there(pattern: str, names: tuple[str, ...], sources: Collection[str]) -> None:

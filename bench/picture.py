@@ -1,4 +1,4 @@
-"""`python -m bench.picture FILE`: diagram of the packages of pipeline/, each above its imports.
+"""`python -m bench.picture`: diagram of the packages of pipeline/, each above its imports.
 
 It is drawn from the code's own imports, without those implied by others. The outbuildings, which
 the core does not need, stand to the right.
@@ -7,13 +7,14 @@ the core does not need, stand to the right.
 from __future__ import annotations
 
 import ast
-import sys
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 from matplotlib.figure import Figure
 
 PACKAGE = Path(__file__).parents[1] / "pipeline"
+PICTURE = PACKAGE.parent / "docs/figures/packages.svg"
 
 
 def outbuildings() -> list[str]:
@@ -65,8 +66,8 @@ def lines_of(name: str) -> int:
     return sum(len(path.read_text("utf-8").splitlines()) for path in files)
 
 
-def main(file: str) -> None:
-    """Draw the diagram."""
+def main(file: Path) -> None:
+    """Draw the diagram into an SVG file."""
     matplotlib.rcParams["svg.hashsalt"] = "packages"
     matplotlib.rcParams["svg.fonttype"] = "none"
     everything, beside = packages(), outbuildings()
@@ -79,7 +80,8 @@ def main(file: str) -> None:
         for k, name in enumerate(row)
     }
     right = max(x for x, _ in at.values()) + 3.0
-    at |= {name: (right, 2 * k + 1) for k, name in enumerate(beside)}
+    heights = np.linspace(len(rows) - 1, 0, len(beside))  # all within the picture
+    at |= {name: (right, float(y)) for name, y in zip(beside, heights, strict=True)}
     canvas = Figure(figsize=(7, 0.62 * len(rows)))
     axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
@@ -102,4 +104,4 @@ def main(file: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    main(PICTURE)

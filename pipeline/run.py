@@ -1,7 +1,7 @@
 """START HERE: the order of the stages. Tracker exports in, stiffnesses and a report out.
 
 Every stage is a function from named tables to named tables (tables.py); this file puts them in
-order and keeps every table. `step` determines how a stage is executed (directly, or as a Prefect
+order and keeps every table. `step` determines how a stage is executed (inline, or as a Prefect
 task).
 """
 
@@ -39,7 +39,7 @@ from pipeline.faults.joint_row import contradicted
 from pipeline.faults.mistake import told_once
 from pipeline.machine.robot import Robot
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
-from pipeline.reduction.bring import Keep, Step, bring, conformed, plain
+from pipeline.reduction.bring import Keep, Step, bring, conformed, inline
 from pipeline.reduction.case import Case, FilesAsRead
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
@@ -63,7 +63,7 @@ _LAST_RESORT = "campaign.toml"
 """File named when input is rejected for reasons that concern no single file."""
 
 
-def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> Answer:
+def run(campaign: CampaignFolder, step: Step = inline, force: bool = False) -> Answer:
     """Bring one campaign up to date and return its answer.
 
     Nothing is computed if inputs, code and libraries are those of the last finished run.
@@ -83,7 +83,7 @@ def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> An
             return _compute(campaign, raw, step)
 
 
-def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
+def ingested(raw: Raw, keep: Keep = conformed, step: Step = inline, plausible: bool = True) -> Case:
     """Ingest the tables of a campaign.
 
     Poses beyond the robot's limits that no wrong unit or convention explains are left out, and so
@@ -101,19 +101,19 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
         InputError: A file cannot be trusted; with `plausible` also if only a wrong unit or
             convention explains its values, otherwise if not even that does.
     """
-    case, doubt = as_ingested(raw, keep, step, plausible)
+    case, doubt = ingested_with_doubt(raw, keep, step, plausible)
     if doubt is None:
         return case
     if not (contradicted(case) or conventions(case)):
-        return as_ingested(raw, keep, step)[0]
+        return ingested_with_doubt(raw, keep, step)[0]
     doubted = pd.concat([case.rejected, _doubt_row(doubt)], ignore_index=True)
     return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))
 
 
-def as_ingested(
-    raw: Raw, keep: Keep = conformed, step: Step = plain, plausible: bool = True
+def ingested_with_doubt(
+    raw: Raw, keep: Keep = conformed, step: Step = inline, plausible: bool = True
 ) -> tuple[Case, InputError | None]:
-    """Ingested tables, and why their values are implausible if not to be rejected for that."""
+    """The tables of a campaign, and why their values are in doubt if they are kept nevertheless."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
     raws = keep("10_readings", got.readings, tables.READINGS)
     readings, stations = one_station(raw.settings, raws)
@@ -167,7 +167,7 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
 
 
 def campaign_answer(
-    name: str, raw: Raw, keep: Keep = conformed, step: Step = plain
+    name: str, raw: Raw, keep: Keep = conformed, step: Step = inline
 ) -> CampaignAnswer:
     """Run the stages up to stiffnesses, and what is wrong with data or model."""
     with raw.placing(), alone():

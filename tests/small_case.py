@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.faults.fault import Screening
 from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
-from pipeline.reduction.bring import Reduced, conformed, plain
+from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
@@ -23,7 +23,7 @@ PLAN = Plan(name="small", poses={"count": 6}, pulls={"steps_n": [1500.0, 3000.0]
 def small(seed: int = 3, **changes: Any) -> Case:
     """Six poses, each pulled twice, two zeros; as ingested."""
     made = simulate(revised(PLAN, changes), np.random.default_rng(seed))
-    return ingested(in_memory(made.files), conformed, plain, plausible=False)
+    return ingested(in_memory(made.files), plausible=False)
 
 
 def uneven(case: Case) -> Case:

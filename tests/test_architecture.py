@@ -1,6 +1,7 @@
 """The architecture, checked by the imports of the code."""
 
 import ast
+import builtins
 import functools
 import graphlib
 import os
@@ -43,7 +44,7 @@ SPEAKING = (
     "predict.py",
     "plan_files.py",
     "plan_figures.py",
-    "corrected.py",
+    "on_disk.py",
     "library.py",
     "report.py",
     "describe_file.py",
@@ -384,6 +385,17 @@ def test_every_folder_is_core_or_outbuilding():
     }, "write a new one into ORDER or OUTBUILDINGS, and into the same table of docs/code.md"
 
 
+def test_the_picture_of_the_code_shows_every_package():
+    """Each within its frame: `make picture` draws it again."""
+    svg = (PACKAGE.parent / "docs/figures/packages.svg").read_text("utf-8")
+    *_, width, height = map(float, re.search(r'viewBox="([^"]+)"', svg)[1].split())
+    drawn = re.findall(r'x="([-.\d]+)" y="([-.\d]+)" transform=[^>]*>(\w+)  \d+<', svg)
+
+    assert {name for *_, name in drawn} == {*ORDER, *OUTBUILDINGS}
+    assert [name for x, y, name in drawn if not 0 < float(x) < width] == []
+    assert [name for x, y, name in drawn if not 0 < float(y) < height] == []
+
+
 def test_every_package_imports_only_those_below_it():
     """The order of docs/code.md, also for late imports; and thus no outbuilding."""
     for path in PACKAGE.rglob("*.py"):
@@ -493,19 +505,40 @@ def names_of(path):
             yield from (one.id for one in targets if isinstance(one, ast.Name))
 
 
+@functools.cache
+def texts():
+    """The text of every file of the package."""
+    return {path: path.read_text("utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+
+
 def test_a_module_that_a_text_names_exists():
     """`system.score_tests` in a docstring is a file, or a name of the package, also tomorrow."""
     folders = {path.name: path for path in PACKAGE.iterdir() if (path / "__init__.py").is_file()}
     missing = [
-        f"{path.relative_to(PACKAGE)}: {room}.{name}"
-        for path in sorted(PACKAGE.rglob("*.py"))
-        for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", path.read_text("utf-8"))
+        f"{short(path)}: {room}.{name}"
+        for path, text in texts().items()
+        for room, name in re.findall(r"`([a-z]+)\.([a-z_]+)(?:[.:]\w+)?`", text)
         if room in folders and name not in ("toml", "py")
         if not {f"{room}.{name}"} & KNOWN and not (folders[room] / name).is_dir()
         if name not in names_of(folders[room] / "__init__.py")
     ]
 
     assert not missing
+
+
+def test_an_error_that_a_docstring_announces_exists():
+    """A class of the package, of Python or of NumPy."""
+    known = {name for text in texts().values() for name in re.findall(r"^class (\w+)", text, re.M)}
+    known |= {*vars(builtins), "LinAlgError"}
+    announced = {
+        (short(path), name)
+        for path, text in texts().items()
+        for part in re.findall(r"^ +Raises:\n((?: +\S.*\n)+)", text, re.M)
+        for name in re.findall(r"^ +([A-Z]\w+):", part, re.M)
+    }
+
+    assert len(announced) > 100
+    assert {one for one in announced if one[1] not in known} == set()
 
 
 def test_a_file_that_a_first_page_names_exists():
@@ -555,6 +588,37 @@ def test_the_core_does_not_grow():
 
     assert sum(map(code_lines, core)) <= 29_000
     assert len(core) <= 260
+
+
+WHOLE = {"run", "app", "pipeline"}
+"""Imports, the package itself among them, of tests that play a campaign or type a command."""
+BESIDE = {"dialects": {"readers"}, "geometry": {"positions"}, "validation": {"bench"}}
+"""Folders of tests that also test through or of another room: dialects are read through `readers`,
+positions were once a part of `geometry`, and `validation` keeps what other tools said."""
+
+
+def rooms_of(path):
+    """Rooms that a file of tests imports at its top, `bench` among them, also from other tests."""
+    text = path.read_text("utf-8")
+    froms = re.findall(r"^from pipeline import (\([^)]*|.*)", text, re.MULTILINE)
+    inner = re.findall(r"^(?:from|import) (?:pipeline|tests)\.(\w+)", text, re.MULTILINE)
+    whole = re.findall(r"^(?:import (pipeline)$|from (bench)\b)", text, re.MULTILINE)
+    return {name for one in froms for name in re.findall(r"\w+", one)} | {
+        *inner,
+        *("".join(one) for one in whole),
+    }
+
+
+def test_a_file_of_tests_stands_in_the_room_that_it_tests():
+    """It imports from there, plays whole campaigns, or leaves all imports to its helpers."""
+    folder = Path(__file__).parent
+    misplaced = {}
+    for path in sorted(folder.glob("*/**/test_*.py")):
+        room, rooms = path.relative_to(folder).parts[0], rooms_of(path)
+        if rooms - {"bench"} and not rooms & {room, *WHOLE, *BESIDE.get(room, ())}:
+            misplaced[f"{room}/{path.name}"] = sorted(rooms)
+
+    assert misplaced == {}, "move it beside the tests of the room that it imports"
 
 
 def test_a_file_of_tests_has_its_name_alone():

@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 from types import ModuleType
+from typing import get_args
 
 import pytest
 import report_sample
+from pydantic import BaseModel
 
 from pipeline import faults, readers
 from pipeline.app.commands import COMMANDS
@@ -16,6 +18,7 @@ from pipeline.machine.robot import load
 from pipeline.programs.languages import LANGUAGES
 from pipeline.readers import ExportSettings
 from pipeline.readers._layout import Field
+from pipeline.reduction.settings import Settings
 from pipeline.report import words
 from pipeline.report.figures import catalogue
 from pipeline.run import campaign_answer
@@ -179,9 +182,67 @@ def test_every_source_file_that_a_page_names_exists(page, repository):
     assert {name for name in lost if name.rpartition("/")[2] not in NEW | FOREIGN} == set()
 
 
+OF_A_FILE = re.compile(r"(`\w+`(?:(?:, | and | or )`\w+`){0,6}) (?:of|in) `((?:\w+/)*\w+\.py)`")
+"""Names that a page says to be in a file."""
+
+
+@pytest.mark.parametrize(
+    "page", ["CONTRIBUTING.md", "docs/add-a-reader.md", "docs/add-an-effect.md"]
+)
+def test_a_name_that_a_guide_looks_up_is_in_its_file(page, repository):
+    """`FAULTS` of `faults/__init__.py` is where the guide says."""
+    named = OF_A_FILE.findall((ROOT / page).read_text("utf-8"))
+    lost = [
+        (name, file)
+        for names, file in named
+        for name in re.findall(r"\w+", names)
+        if not any(
+            re.search(rf"\b{name}\b", (ROOT / path).read_text("utf-8"))
+            for path in repository
+            if f"/{path}".endswith(f"/{file}")
+        )
+    ]
+
+    assert named
+    assert lost == []
+
+
 NAMING = [path.name for path in sorted((ROOT / "pipeline/faults").glob("*.py"))
           if re.search(r'\bname="', path.read_text("utf-8"))]  # fmt: skip
 """Files that name mistakes in the data."""
+
+
+def keys_of(model, table=""):
+    """Every key of campaign.toml with the last word of its table, as a person writes both."""
+    for name, field in model.model_fields.items():
+        alias = field.validation_alias
+        written = alias if isinstance(alias, str) else name if alias is None else alias.choices[0]
+        last = written.rpartition(".")[2]  # tool.acceptance is a table in [tool]
+        yield table, last
+        for inner in records_in(field.annotation):
+            yield from keys_of(inner, last)
+
+
+def records_in(annotation):
+    """The tables that a field may hold, alone, in a list or by name."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for inner in get_args(annotation):
+        yield from records_in(inner)
+
+
+def test_every_key_of_a_campaign_is_on_the_page():
+    """In a line of docs/campaign.md that has its table, too."""
+    page = (ROOT / "docs/campaign.md").read_text("utf-8")
+    code = [
+        {*re.findall(r"\w+", "".join(re.findall(r"`[^`]+`", line)))} for line in page.split("\n")
+    ]
+    keys = [*keys_of(Settings)]
+
+    assert len(keys) > 100
+    assert [key for key in keys if not any({*key} - {""} <= line for line in code)] == []
+
+
 LISTED = {
     "README.md": [f"pipeline {name}" for name in COMMANDS],
     "docs/causes.md": [f"`{name}`" for name in (*words.nouns(), *NAMING)],

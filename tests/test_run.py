@@ -17,7 +17,7 @@ import pytest
 from bench.league.play import Rules, drawn, play
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer, ingested, run
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store import campaign as campaigns
@@ -355,7 +355,7 @@ def test_what_the_undeformed_robot_leaves_out_biases_no_stiffness():
     robot = load("kr500_rail")
     plan = replace(drawn(robot, np.random.default_rng(2), rules), scatter=0.0)
     game = play(robot, plan, [], np.random.default_rng(12), rules)
-    case = ingested(in_memory(game.files), conformed, plain)
+    case = ingested(in_memory(game.files))
     fitted = fit(case, bring(case))
     data = replace(fitted.data, bends=False)
     _, without = identify(fitted.case.cell, data, robot.nominal_compliance)

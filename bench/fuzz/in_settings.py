@@ -28,7 +28,7 @@ _KEYS = {
     "model": ("equilibrium",),
     "displacements": ("file", "forces", "sigma_m"),
 }
-"""All keys in docs/campaign.md, by table."""
+"""Keys that are spoilt, by table: most of docs/campaign.md."""
 
 _WEIGHTS = "how certain each reading is decides how they are weighed, and only its user knows"
 _MEANT = {

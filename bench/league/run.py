@@ -26,7 +26,7 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.reduction.bring import Step, bring, conformed, plain
+from pipeline.reduction.bring import Step, bring, inline
 from pipeline.run import campaign_answer, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
@@ -329,7 +329,7 @@ def missed_mm(
     secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
     calm, still = replace(plan, scatter=0.0), replace(league.rules, scale_n=0.0)
     files = play(robot, calm, secrets, np.random.default_rng(fixture.seed), still).files
-    case = ingested(in_memory(files), conformed, plain)
+    case = ingested(in_memory(files))
     system, _ = identify(case.cell, bring(case).data, robot.nominal_compliance)
     return float(1e3 * np.sqrt(np.nanmean(left_out(system) ** 2)))
 
@@ -364,7 +364,7 @@ class Clock:
         return timed
 
 
-def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
+def answer_of(files: Mapping[str, bytes], step: Step = inline) -> dict[str, Any] | None:
     """Answer of `pipeline run` for these files, without writing; None if it rejects them."""
     found = _answered(files, step)
     return found and found.answer.as_json()
@@ -442,7 +442,7 @@ def shown_in(files: Mapping[str, bytes], rng: np.random.Generator) -> Yardstick:
         files: Content of its raw folder.
         rng: For the threshold.
     """
-    case = ingested(in_memory(files), conformed, plain)
+    case = ingested(in_memory(files))
     fitted = fit(case, bring(case))
     asked, _ = search_task(fitted.case.cell, fitted.data, fitted.estimate)
     view = asked.whitened(asked.linearised(asked.model((), fitted.estimate.value)))

@@ -102,7 +102,7 @@ def draw(fixture: Fixture, games: Path) -> None:
     content["campaign.toml"] = content["campaign.toml"].replace(
         b'name = "game"', f'name = "{fixture.name}"'.encode()
     )
-    files.place(games / fixture.name, content)
+    files.replace_folder(games / fixture.name, content)
     truths.write(games / fixture.name / "truth.json", _truth(fixture, whole, force))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.register import register
 from pipeline.run import campaign_answer, ingested
 from pipeline.store.campaign import Raw, in_memory
@@ -112,7 +112,7 @@ def estimated(case: str) -> Numbers:
 
 
 def _springs(raw: Raw) -> Numbers:
-    case = ingested(raw, conformed, plain, plausible=False)
+    case = ingested(raw, plausible=False)
     data = bring(case).data
     estimate = identify(case.cell, data, case.robot.nominal_compliance)[1]
     squares = estimate.chi2 if data.noise_stated else float(np.sum(estimate.residual**2))
@@ -122,7 +122,7 @@ def _springs(raw: Raw) -> Numbers:
 
 
 def _placed(raw: Raw) -> Numbers:
-    case = ingested(raw, conformed, plain, plausible=False)
+    case = ingested(raw, plausible=False)
     found = register(raw.settings, case.readings)
     x, y, z = found.t - found.centre
     arm = np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])

@@ -53,6 +53,7 @@ class Manner(Rules):
     """How a game is measured, beyond the league's rules; the tracker has its stated noise.
 
     Attributes:
+        scatter: Range of true over stated noise of the tracker.
         hang: Whether weights hang at the load point instead of a chain and a scale.
         targets: Number of reflectors on the tool that are read, the first of three.
         at_once: Whether all of them are read at the same moment, by an instrument that reads poses.

@@ -96,8 +96,8 @@ def _write(path: Path, data: bytes) -> None:
         raise
 
 
-def place(folder: Path, content: Mapping[str, bytes]) -> None:
-    """Put a whole folder in its place atomically; an old one of that name is removed.
+def replace_folder(folder: Path, content: Mapping[str, bytes]) -> None:
+    """Write a whole folder atomically; an old one of that name is replaced.
 
     Raises:
         CannotWrite: The file system refuses; the old folder is still there.

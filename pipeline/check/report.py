@@ -40,7 +40,7 @@ from pipeline.readers import _log_table, opened_as_text
 from pipeline.readers.export_settings import LogForm
 from pipeline.readers.logs import POSE, POSE_REPEAT, REMARK, REPEAT, has_joints, has_load
 from pipeline.readers.pose_names import shown
-from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
 from pipeline.reduction.settings import Settings
@@ -72,7 +72,7 @@ def check(campaign: CampaignFolder) -> Outcome:
     try:
         with raw.placing():
             raw.settings.within_reach(text_of(raw))
-            case = ingested(raw, conformed, plain)
+            case = ingested(raw)
             reduced = bring(case)
             expected(case, reduced.data)
             path = path_of(raw.settings.tolerance, raw.files, case.robot, case.tool)

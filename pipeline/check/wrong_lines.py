@@ -20,7 +20,7 @@ from pipeline.readers import ExportSettings
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
-from pipeline.run import as_ingested
+from pipeline.run import ingested_with_doubt
 from pipeline.store.campaign import Raw
 
 TOML = "campaign.toml"
@@ -96,7 +96,7 @@ def _far_load_point(settings: Settings, text: str) -> list[WrongLine]:
 def _read(raw: Raw, settings: Settings) -> Case | None:
     """Read with other settings, keeping implausible values; None if it cannot be read."""
     try:
-        return as_ingested(replace(raw, settings=settings), plausible=False)[0]
+        return ingested_with_doubt(replace(raw, settings=settings), plausible=False)[0]
     except InputError:
         return None
 

@@ -23,7 +23,7 @@ from pipeline.design.search import Effort
 from pipeline.library.campaign import Campaign
 from pipeline.machine.robot import Robot, load
 from pipeline.machine.robot.variants import alike
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.system.fit import fit
 
@@ -175,7 +175,7 @@ def added_to(problem: Problem, campaign: Campaign, name: str | None = None) -> P
     further = build(
         continued(problem.spec, raw.settings, name or f"{campaign.name}_next"), raw.robot
     )
-    case = ingested(raw, conformed, plain)
+    case = ingested(raw)
     found = fit(case, bring(case))
     known = information_of(found.system, found.estimate, further.experiment.scale)
     return replace(further, known=known)

@@ -10,7 +10,7 @@ and a chain only if its ends have reflectors.
 
 Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`, `anchored.with_ends`; for
 logs `_log_form.opened`, `_log_rows.typed`, `of_controller`, `joined`.
-Tests: `tests/readers/`, `tests/dialects/`.
+Tests: `tests/dialects/`.
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ def _row(line: str, layout: Layout) -> list[str]:
     """The cells of a row, one for each field.
 
     Raises:
-        Bad: There are more or fewer of them.
+        BadCell: There are more or fewer of them.
     """
     found = cells(line, layout.delimiter)
     if layout.joined:

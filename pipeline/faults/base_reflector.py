@@ -78,7 +78,7 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
     except InputError:
         return None
     rows = case.readings.loc[registration.table.index[registration.table["target"] == name]]
-    at = lost.placed(rows[XYZ].to_numpy(float))
+    at = lost.into_base_frame(rows[XYZ].to_numpy(float))
     C = registration.weighing[(registration.table["target"] == name).to_numpy()]
     V = linear.inverse(lost.R @ C @ lost.R.T)
     mean = linear.solve(V.sum(axis=0), np.einsum("mij,mj->i", V, at))

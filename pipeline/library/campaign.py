@@ -110,7 +110,7 @@ class Campaign:
         folder = Path(root) / "data" / "raw" / self.name
         if folder.exists():
             raise UsageError(f"{folder} is there already: load the files under another name")
-        files.place(folder, self.files)
+        files.replace_folder(folder, self.files)
         return folder
 
 

@@ -23,7 +23,7 @@ from pipeline.library.campaign import Campaign, Result
 from pipeline.library.model import Model
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.tolerance import HeldOutError, judge, path_of
-from pipeline.reduction.bring import Reduced, bring, conformed, plain
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested
@@ -153,7 +153,7 @@ def _estimated(model: ModelHypothesis, reduced: Reduced) -> Estimate | None:
 
 
 def _read(campaign: Campaign) -> Case:
-    return ingested(campaign.raw, conformed, plain, plausible=False)
+    return ingested(campaign.raw, plausible=False)
 
 
 def _tables(case: Case) -> tuple[pd.DataFrame, ...]:

@@ -91,7 +91,7 @@ def aim(
         known: The program, for the frames that it defines.
 
     Raises:
-        Refused: Some targets cannot be reached, or a frame or the position of the rail is unknown.
+        Refusal: Some targets cannot be reached, or a frame or the position of the rail is unknown.
     """
     aiming = _Aiming(model, notation, setting, known)
     found = [aiming.next(target) for target in targets]
@@ -163,7 +163,7 @@ class _Aiming:
         which = f"{word} {name}" if name else f"its {word}"
         equals = f"{name}=" if name and " " not in name else ""
         way_out = f"give it as {option} {equals}{self.notation.letters}"
-        return wrong(target, f"{which} is not defined", way_out)
+        return target_error(target, f"{which} is not defined", way_out)
 
     def _rail(self, target: Target) -> None:
         """Move the sliding joints to the position that the target states, if it does."""
@@ -176,7 +176,7 @@ class _Aiming:
             self.q = np.where(self.robot.prismatic, q, self.q)
             self.rail_known = True
         if not self.rail_known:
-            raise wrong(
+            raise target_error(
                 target,
                 f"the position of {listed(np.array(self.axes.names)[slides])} is not stated",
                 "add it to the target, or give the axes before it with --start",
@@ -205,19 +205,19 @@ class _Aiming:
             frame = self.notation.frame(target.values)
         except ValueError as problem:
             thing, way_out = "its quaternion has no length", "correct it"
-            raise wrong(target, thing, way_out) from problem
+            raise target_error(target, thing, way_out) from problem
         flange = world @ frame @ linear.solve(tool, np.eye(4))
         start = self._joints(target, target.near) if target.near else self.q
         known = self.known or bool(target.near)
         found = self.arm.reach(flange, start, known, target.ranges)
         if found.why_not is not None:
-            raise wrong(target, *found.why_not)
+            raise target_error(target, *found.why_not)
         self.q = found.q
 
     def _within(self, target: Target, q: Array, only: Bools) -> None:
         """Reject joint values beyond the limits, of the joints in `only`."""
         if worst := worst_limit(self.robot, np.where(only, q, np.nan)):
-            raise wrong(target, worst, "correct the target")
+            raise target_error(target, worst, "correct the target")
 
 
 def _frame(name: str, given: Mapping[str, Array], own: Mapping[str, Array]) -> Array | None:
@@ -225,7 +225,7 @@ def _frame(name: str, given: Mapping[str, Array], own: Mapping[str, Array]) -> A
     return given.get(name.lower(), own.get(name, given.get("")))
 
 
-def wrong(target: Target, thing: str, way_out: str) -> InputError:
+def target_error(target: Target, thing: str, way_out: str) -> InputError:
     """Error about a target, with its line."""
     return InputError(f"{target.name}: {thing}", way_out, file=target.file, line=target.line)
 

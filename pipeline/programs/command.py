@@ -13,7 +13,7 @@ from pipeline.app.commands._shared import Named, Root, fitted
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.programs._text import LARGEST_PROGRAM
-from pipeline.programs.corrected import (
+from pipeline.programs.on_disk import (
     CorrectionOptions,
     ForceFrame,
     companion,
@@ -92,6 +92,14 @@ _Output = Annotated[
         "Never in data/raw."
     ),
 ]
+_MaxOffset = Annotated[
+    float | None,
+    Option(
+        metavar="MM",
+        help="Largest plausible shift of a target [mm]; if any would move farther, nothing is "
+        "written and each is listed with its line.",
+    ),
+]
 _Partial = Annotated[
     bool,
     Option(
@@ -119,6 +127,7 @@ def compensate(
     tip: _Tip = None,
     output: _Output = None,
     partial: _Partial = False,
+    max_offset: _MaxOffset = None,
     root: Root = Path(),
 ) -> None:
     """Correct a path or a robot program for the deflection under load.
@@ -129,8 +138,20 @@ def compensate(
     """
     from pipeline.programs.aim import Refusal
 
+    if max_offset is not None and not max_offset > 0:
+        raise UsageError(f"--max-offset {max_offset:g}: give a length above 0 in mm")
     given = CorrectionOptions(
-        tip, force, force_frame, tool or (), base or (), world, flange, start, partial, forces
+        tip=tip,
+        force=force,
+        frame=force_frame,
+        tool=tool or (),
+        base=base or (),
+        world=world,
+        flange=flange,
+        start=start,
+        partial=partial,
+        forces=forces,
+        max_offset_mm=max_offset,
     )
     if path.is_dir():
         _folder(root, campaign, path, output, given)

@@ -14,7 +14,7 @@ from pipeline.library.compensate import Compensation, compensate
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
-from pipeline.programs.aim import Aimed, Refusal, Setting, aim, worst_limit, wrong
+from pipeline.programs.aim import Aimed, Refusal, Setting, aim, target_error, worst_limit
 from pipeline.programs.forces import Forces, tips_of
 from pipeline.programs.joint_path import in_base
 from pipeline.programs.notation import Notation
@@ -65,22 +65,22 @@ def correct(
         partial: Whether to correct what can be corrected while other motions stay as taught.
 
     Raises:
-        Refused: Some targets cannot be reached or corrected, or some motions would stay as taught.
+        Refusal: Some targets cannot be reached or corrected, or some motions would stay as taught.
     """
-    if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
+    if (standing := [_motion_error(one) for one in _left_standing(program)]) and not partial:
         raise Refusal(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
     if isinstance(force, Forces):
         forces = force.at(model.robot, aimed)
     else:
         forces = np.tile(force, (len(aimed.q), 1))
-    found, values = corrected(
+    found, values = correct_targets(
         model, program.notation, program.targets, aimed, forces, setting.in_tool
     )
     own = [k for k, target in enumerate(program.targets) if target.file == program.file]
     left = _uncorrected(program.targets, found, own)
     if left and not partial:
-        raise Refusal([_stretched(*one) for one in left])
+        raise Refusal([_stuck_error(*one) for one in left])
     return Corrected(
         program.written({program.targets[k].place: values[k].tolist() for k in own}),
         found.part(own),
@@ -107,18 +107,18 @@ def _left_standing(program: Program) -> list[Uncorrected]:
 _PARTIAL = "teach a point with coordinates, or accept that it stays as it is with --partial"
 
 
-def _left(one: Uncorrected) -> InputError:
+def _motion_error(one: Uncorrected) -> InputError:
     """Error for a motion that would stay as taught."""
     return InputError(f"{one.why}; it cannot be corrected", _PARTIAL, file=one.file, line=one.line)
 
 
-def _stretched(target: Target, left: float) -> InputError:
+def _stuck_error(target: Target, left: float) -> InputError:
     """Error for a joint target whose deflection the joints cannot cancel."""
     thing = f"the robot is at a singularity, and {1e3 * left:.3f} mm of the deflection would remain"
-    return wrong(target, thing, "teach it elsewhere, or accept that with --partial")
+    return target_error(target, thing, "teach it elsewhere, or accept that with --partial")
 
 
-def corrected(
+def correct_targets(
     model: IdentifiedModel,
     notation: Notation,
     targets: Sequence[Target],
@@ -137,7 +137,7 @@ def corrected(
         in_tool: Whether forces are in the tool frames rather than in F_b.
 
     Raises:
-        Refused: Some of them cannot be corrected.
+        Refusal: Some of them cannot be corrected.
     """
     if in_tool:
         force = in_base(model.robot, aimed.q, aimed.tool, force)
@@ -183,9 +183,11 @@ def _refused(
                 f"the robot is at a singularity and cannot move the tool against "
                 f"{1e3 * found.left[k]:.3f} mm of its deflection"
             )
-            out.append(wrong(target, thing, "move the target, or turn the tool a little"))
+            out.append(target_error(target, thing, "move the target, or turn the tool a little"))
         elif worst := worst_limit(robot, aimed.q[k] + found.joints[k]):
-            out.append(wrong(target, f"corrected, {worst}", "move the target away from the limit"))
+            out.append(
+                target_error(target, f"corrected, {worst}", "move the target away from the limit")
+            )
     return out
 
 

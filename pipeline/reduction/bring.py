@@ -46,8 +46,8 @@ def conformed(_: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema)
     return tables.frame(tables.conform(table, promise))
 
 
-def plain(stage: Callable[..., Any]) -> Callable[..., Any]:
-    """Carry out a stage unchanged."""
+def inline(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """Execute a stage here and now, not as a task."""
     return stage
 
 
@@ -70,7 +70,7 @@ class _PlacedTables:
     displacements: pd.DataFrame
 
 
-def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> _PlacedTables:
+def to_displacements(case: Case, keep: Keep = conformed, step: Step = inline) -> _PlacedTables:
     """From readings in the tracker's frame to tables of forces and displacements in F_b."""
     settings = case.settings
     registration = step(register)(settings, case.readings)
@@ -108,20 +108,20 @@ def _refuse_crowded(data: Measured) -> None:
         )
 
 
-def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
+def bring(case: Case, keep: Keep = conformed, step: Step = inline) -> Reduced:
     """From readings in the tracker's frame to forces and displacements in F_b, as arrays.
 
     Raises:
         InputError: A pose has more displacements than are computed together.
     """
-    alone = keep is conformed and step is plain
+    alone = keep is conformed and step is inline
     return _brought(case) if alone else _bring(case, keep, step)
 
 
 @lru_cache(maxsize=2)
 def _brought(case: Case) -> Reduced:
     """The same without keeping tables; cached, since correcting a case needs it twice."""
-    return _bring(case, conformed, plain)
+    return _bring(case, conformed, inline)
 
 
 def _bring(case: Case, keep: Keep, step: Step) -> Reduced:

@@ -92,7 +92,7 @@ class Registration(Locked):
         """Position of the tracker in F_b [m], shape (3,)."""
         return np.asarray(self.t / (1 + self.growth.value))
 
-    def placed(self, points: Array) -> Array:
+    def into_base_frame(self, points: Array) -> Array:
         """Transform points of the tracker's frame (m, 3) into F_b [m]."""
         return (points @ self.R.T + self.t) / (1 + self.growth.value)
 
@@ -166,7 +166,7 @@ def _registered(settings: Settings, readings: pd.DataFrame) -> Registration:
         R, t, cov, centre, bare, chi2 if stated else None, dof, from_scatter, grown,
         settings.base_std,
     )  # fmt: skip
-    return replace(found, table=_with_residuals(base, found.placed(points), nominal))
+    return replace(found, table=_with_residuals(base, found.into_base_frame(points), nominal))
 
 
 def _about_nominal(table: pd.DataFrame, std: float) -> Array:
@@ -237,7 +237,9 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
         dof=dof,
         from_scatter=from_scatter,
     )
-    return replace(found, table=_with_residuals(table, found.placed(points), nominal)), agree
+    return replace(
+        found, table=_with_residuals(table, found.into_base_frame(points), nominal)
+    ), agree
 
 
 def agreeing(points: Array, nominal: Array) -> Bools:

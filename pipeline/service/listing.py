@@ -14,7 +14,7 @@ NO_END = f"more than {_MOST} objects"
 NO_STORAGE = "it has whatever it is asked for"
 
 
-def place(url: str) -> tuple[Any, str]:
+def opened(url: str) -> tuple[Any, str]:
     """The file system of an address, and the folder in it."""
     from pyarrow import fs
 

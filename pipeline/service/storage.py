@@ -18,7 +18,7 @@ from urllib.parse import urlsplit
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.shown import too_large
 from pipeline.readers import largest
-from pipeline.service.listing import NO_END, NO_STORAGE, listed, place
+from pipeline.service.listing import NO_END, NO_STORAGE, listed, opened
 
 Marks = dict[str, tuple[int, float]]
 """Objects by their name: size in bytes, and when each was put there [s since 1970]."""
@@ -75,9 +75,9 @@ class Store:
         return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"
 
     @cached_property
-    def _place(self) -> tuple[Any, str]:
+    def _opened(self) -> tuple[Any, str]:
         """The file system, and the folder in it."""
-        return place(self.url)
+        return opened(self.url)
 
     def marks(self) -> Marks:
         """Every object below, by its name from here: size in bytes, and when it was put there.
@@ -86,7 +86,7 @@ class Store:
             InputError: It cannot be reached, read or found.
         """
         with self._reading():
-            return {name: (size, put) for name, size, put in listed(*self._place)}
+            return {name: (size, put) for name, size, put in listed(*self._opened)}
 
     def has(self, name: str) -> bool:
         """Whether an object is there, asked for by itself.
@@ -95,7 +95,7 @@ class Store:
             InputError: The storage does not say.
         """
         with self._reading():
-            files, folder = self._place
+            files, folder = self._opened
             return bool(files.get_file_info(f"{folder.rstrip('/')}/{name}").is_file)
 
     def read(self, name: str, mark: tuple[int, float]) -> bytes:
@@ -124,7 +124,7 @@ class Store:
         What a storage leaves out of the size that it states is the filling in the content: the
         driver does not count what it was given.
         """
-        files, folder = self._place
+        files, folder = self._opened
         with files.open_input_file(f"{folder.rstrip('/')}/{name}") as source:
             size, told = source.size(), _told(source.metadata())
             if size > largest(name):
@@ -147,7 +147,7 @@ class Store:
             CannotWrite: The storage refuses.
         """
         try:
-            files, folder = self._place
+            files, folder = self._opened
             path = f"{folder.rstrip('/')}/{name}"
             if files.type_name not in ("s3", "gcs", "abfs"):  # which have no folders
                 files.create_dir(path.rpartition("/")[0], recursive=True)

@@ -123,7 +123,7 @@ def write(
     made = carried_out(wanted, plan)
     digests = {inner: files.sha256(data) for inner, data in made.files.items()}
     files.write(sealed, dump({**made.truth, "files": digests}))
-    files.place(folder, made.files)
+    files.replace_folder(folder, made.files)
     return root / "data" / "raw" / wanted.name, sealed
 
 

@@ -186,6 +186,7 @@ class SpringScale(Scale):
     """The spring scale as certified, and its true errors; its zero error is drawn as stated.
 
     Attributes:
+        sigma_n: Standard uncertainty of a reading, constant part, as stated [N].
         noise_scale: True scatter over stated scatter.
         gain_error: True relative gain error; drawn from `gain_sigma` when not given.
     """

@@ -18,7 +18,7 @@ from pipeline.annex.workspace import arm_in_plane
 from pipeline.answer.recommended import joint_springs
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
@@ -152,7 +152,7 @@ def rolling():
     """Joint springs and roll, estimated from readings that do not scatter."""
     plan = revised(PLAN, {"poses": {"count": 8}, "hidden": {"effects": [f"rail_roll={SIZE}"]}})
     files = simulate(plan.without_noise(), np.random.default_rng(3)).files
-    case = ingested(in_memory(files), conformed, plain, plausible=False)
+    case = ingested(in_memory(files), plausible=False)
     data = bring(case).data
     roll = next(one for one in catalogue(case.robot, data.pulls) if one.name == "rail_roll")
     cell = case.cell.with_effects(roll)

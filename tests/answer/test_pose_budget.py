@@ -12,7 +12,7 @@ from pipeline.answer.pose_budget import HELD_OUT, pose_budget
 from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.prediction import model as handover
 from pipeline.prediction.tolerance import HeldOutError, tip
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.report.model import compose
 from pipeline.run import ingested
 from pipeline.simulate import simulate
@@ -29,7 +29,7 @@ def springs():
     """Joint springs of a small campaign."""
     plan = Plan(poses={"count": 6}, pulls={"steps_n": [1500, 3000]})
     raw = campaign.in_memory(simulate(plan, np.random.default_rng(5)).files)
-    case = ingested(raw, conformed, plain)
+    case = ingested(raw)
     return joint_springs(fit(case, bring(case)))
 
 

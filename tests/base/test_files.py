@@ -72,7 +72,7 @@ def test_a_file_in_the_way_of_a_folder_is_named(tmp_path: Path) -> None:
 def test_a_folder_is_placed_whole(tmp_path: Path) -> None:
     """The old content is gone, nothing else is beside it."""
     for content in ({"a": b"1", "in/b": b"2"}, {"a": b"3"}):
-        files.place(tmp_path / "f", content)
+        files.replace_folder(tmp_path / "f", content)
 
         found = {
             str(one.relative_to(tmp_path / "f")): one.read_bytes()

@@ -20,7 +20,9 @@ def test_a_folder_on_a_disk_of_its_own_is_filled(tmp_path):
     try:
         (tmp_path / "raw").symlink_to(share)
         for content in (b"1", b"2"):
-            files.place(tmp_path / "raw" / "spring", {"joints.csv": content, "deep/a": b""})
+            files.replace_folder(
+                tmp_path / "raw" / "spring", {"joints.csv": content, "deep/a": b""}
+            )
 
         assert (share / "spring" / "joints.csv").read_bytes() == b"2"
         assert [one.name for one in share.iterdir()] == ["spring"]

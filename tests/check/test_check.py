@@ -20,7 +20,7 @@ from pipeline.check import proven
 from pipeline.check.report import _Seen
 from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -370,7 +370,7 @@ def test_where_the_robot_stands_is_no_worse_at_best(file, column, row, off, says
         rows[row][column] = str(float(rows[row][column]) + off)
         text = "\n".join(map(",".join, rows))
     files = in_memory(FILES | {file: text.encode()})
-    seen = _Seen(ingested(files, conformed, plain, plausible=False), [], None, None, [])
+    seen = _Seen(ingested(files, plausible=False), [], None, None, [])
 
     assert seen.unloaded["at best"] <= seen.unloaded["in the base frame"]
     assert seen._stands().startswith(says)

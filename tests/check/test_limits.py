@@ -9,7 +9,6 @@ from small_case import PLAN
 from pipeline.base.errors import InputError
 from pipeline.check.findings import limit_findings
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory
@@ -39,7 +38,7 @@ def logged(name):
 
 def read(files, plausible):
     """As `check` and `run` read it."""
-    return ingested(in_memory(files), conformed, plain, plausible=plausible)
+    return ingested(in_memory(files), plausible=plausible)
 
 
 @pytest.mark.parametrize("plausible", [True, False])

@@ -12,7 +12,7 @@ from pipeline.design.nextpose import PlaceQuestion, candidates, propose
 from pipeline.diagnosis.diagnose import search_task
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring, conformed
 from pipeline.reduction.effector import tool
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import simulate
@@ -109,7 +109,7 @@ def test_a_plan_hands_its_cell_to_the_campaign():
 def test_a_measured_pose_beyond_the_acceptance_is_a_fact():
     """Poses that were drawn without a thought of the tracker are used, and told."""
     raw = made()
-    case = ingested(raw, conformed, plain)
+    case = ingested(raw)
     pulls = bring(case).data.pulls
     checked = Checked(raw.robot, CELL, TOOL)
     _, first = np.unique(pulls.pose, return_index=True)

@@ -19,7 +19,7 @@ from pipeline.design.propose import BoundedPlan
 from pipeline.design.search import evaluate
 from pipeline.design.trade import feasible_poses
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find
@@ -177,7 +177,7 @@ def test_the_workbook_gives_the_answer_of_the_csv_files(proposal, measured, tmp_
             for log in ("loads.csv", "joints.csv"):
                 text = text.replace(f'"{log}"', '"sheet.xlsx"')
             (folder / "campaign.toml").write_text(text, "utf-8")
-        case = ingested(find(tmp_path, name).read(), conformed, plain)
+        case = ingested(find(tmp_path, name).read())
         found.append(fit(case, bring(case)).estimate)
     csv, xlsx = found
 

@@ -13,7 +13,7 @@ from world_files import written
 from pipeline.diagnosis import converge as module
 from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring, inline
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.fit import fit
@@ -24,7 +24,7 @@ KEPT = Path(__file__).parents[2] / "data" / "raw"
 def settled(case):
     """Final state of a campaign."""
     reduced = bring(case)
-    return converge(case, reduced, fit(case, reduced), plain)
+    return converge(case, reduced, fit(case, reduced), inline)
 
 
 def spoilt(case, count, size_m, seed):
@@ -188,7 +188,7 @@ def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
 def test_a_campaign_that_arrives_reduced_settles():
     """Displacements of the campaign that ships, one force tripled: neither green nor an error."""
     raw = {path.name: path.read_bytes() for path in (KEPT / "fanuc_r2000ic").iterdir()}
-    given = ingested(in_memory(raw), conformed, plain, plausible=False)
+    given = ingested(in_memory(raw), plausible=False)
     clean = settled(given)
 
     three, table = np.where(np.arange(len(given.forces)) == 2, 3.0, 1.0), given.forces
@@ -221,7 +221,7 @@ def test_a_reading_far_out_in_the_tails_is_no_scatter():
 
     It spoils the predictions of its neighbours, until it has its own weight.
     """
-    end = settled(ingested(in_memory(written("at960_student3", 180587621)[3]), conformed, plain))
+    end = settled(ingested(in_memory(written("at960_student3", 180587621)[3])))
 
     far = end.diagnosis.facts.bounds.far
     assert far.count > 1
@@ -242,7 +242,7 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_bounded", lambda end: end)
     monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
-    assert converge(None, None, None, plain).screened.key == 5
+    assert converge(None, None, None, inline).screened.key == 5
 
 
 def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
@@ -257,7 +257,7 @@ def test_a_mistake_is_stated_by_the_last_model(monkeypatch):
     monkeypatch.setattr(module, "_bounded", lambda end: end)
     monkeypatch.setattr(module, "_supposed", lambda *_: ())
 
-    assert converge(None, None, None, plain).screened.findings == ("causes",)
+    assert converge(None, None, None, inline).screened.findings == ("causes",)
 
 
 @pytest.mark.parametrize(
@@ -300,4 +300,4 @@ def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
     monkeypatch.setattr(module, "_supposed", lambda *_: (ends[1].screened,))
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
-    assert (converge(None, None, None, plain) is ends[1]) == named
+    assert (converge(None, None, None, inline) is ends[1]) == named

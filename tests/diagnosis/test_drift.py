@@ -14,7 +14,7 @@ from pipeline.diagnosis.drift import drift
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import GROUP_S, WARM_UP_H, by_order
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.register import XYZ, Registration, register, timed
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
@@ -35,7 +35,7 @@ def files():
 @cache
 def case():
     """The same, as read."""
-    return ingested(in_memory(files()), conformed, plain, plausible=False)
+    return ingested(in_memory(files()), plausible=False)
 
 
 def asked(readings, unloaded=None):

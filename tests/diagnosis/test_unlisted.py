@@ -25,7 +25,7 @@ from pipeline.library.model_file import dumps, parse
 from pipeline.machine.cell import load
 from pipeline.machine.effects import catalogue, unlisted
 from pipeline.prediction.model import IdentifiedModel, part
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
@@ -202,7 +202,7 @@ def rippled(answer):
 @pytest.mark.whole
 def test_a_law_that_nobody_listed_is_found():
     """A machine whose second gear ripples with its teeth, diagnosed alone."""
-    case = ingested(in_memory(hiding(36, tooth_stiffness=1.0).files), conformed, plain)
+    case = ingested(in_memory(hiding(36, tooth_stiffness=1.0).files))
     data = bring(case).data
     _, estimate = identify(case.cell, data, KR500.nominal_compliance)
     where = place_of_interest(None, KR500, data.pulls)

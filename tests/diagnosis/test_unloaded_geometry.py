@@ -17,7 +17,7 @@ from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters, nominal
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -186,7 +186,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     hidden = {"effects": [f"{label}={size}"], "equilibrium": "undeformed"}
     plan = revised(PLAN, {"poses": {"count": 12}, "hidden": hidden}).without_noise()
     raw = in_memory(simulate(plan, np.random.default_rng(3)).files)
-    case = ingested(raw, conformed, plain, plausible=False)
+    case = ingested(raw, plausible=False)
     delivered = fit(case, bring(case))
 
     stiff = as_stiff(case.cell, delivered.estimate)

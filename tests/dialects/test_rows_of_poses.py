@@ -6,7 +6,6 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.check.findings import treated_findings
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 
@@ -20,12 +19,12 @@ HOME, TRIAL = "4,0,0,0,0,90,0,1", "2.5,-60,20,30,40,-50,60,1"
 def counted(stops):
     """The campaign with stops numbered in their order."""
     lines = [HEAD, *(f"{k},{one}" for k, one in enumerate(stops, 1)), ""]
-    return ingested(in_memory({**FILES, "joints.csv": "\n".join(lines).encode()}), conformed, plain)
+    return ingested(in_memory({**FILES, "joints.csv": "\n".join(lines).encode()}))
 
 
 @pytest.fixture(scope="module")
 def clean():
-    return ingested(in_memory(FILES), conformed, plain)
+    return ingested(in_memory(FILES))
 
 
 def of_poses(case):

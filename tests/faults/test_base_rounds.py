@@ -46,7 +46,7 @@ def exchanged(case, one, other):
 
 
 def brought(case):
-    """The same brought to one station, as `run.as_ingested` does."""
+    """The same brought to one station, as `run.ingested_with_doubt` does."""
     readings, stations = one_station(case.settings, case.readings)
     return replace(case, readings=readings, stations=stations)
 

@@ -11,7 +11,6 @@ from scipy import stats
 
 from pipeline.faults import chain as module
 from pipeline.faults.chain import chain_gross, chain_outlier
-from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -28,7 +27,7 @@ def case():
     """A campaign except for the readings of the chain."""
     plan = Plan(poses={"count": 8}, pulls={"steps_n": [1500.0, 3000.0]})
     files = simulate(plan, np.random.default_rng(4)).files
-    return ingested(in_memory(files), conformed, plain, plausible=False)
+    return ingested(in_memory(files), plausible=False)
 
 
 def read(

@@ -27,7 +27,7 @@ from pipeline.faults.placement import placement
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
 from pipeline.machine.robot.dh_parameters import changed, dh_parameters
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -39,7 +39,7 @@ PLAN = Plan(name="good", seed=11, poses={"count": 4}, pulls={"steps_n": [3000.0]
 @cache
 def good():
     """A campaign of four poses in which nothing is wrong."""
-    return ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+    return ingested(in_memory(simulate(PLAN).files), plausible=False)
 
 
 def with_readings(case, **columns):
@@ -364,7 +364,7 @@ def test_only_unloaded_readings_of_known_poses_are_judged():
 def test_the_robot_of_another_table_is_called_by_its_name():
     """If another robot that ships fits the readings, the message names it."""
     plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
-    measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
+    measured = ingested(in_memory(simulate(plan).files), plausible=False)
     (found,) = conventions(replace(measured, robot=load("kr210_r2700_2")))
 
     assert found.where == "irb6640"
@@ -375,7 +375,7 @@ def test_the_robot_of_another_table_is_called_by_its_name():
 def test_one_length_of_the_same_robot_precedes_another_robot():
     """Left to the evidence against the table: a forearm shorter by 0.25 m is nearly an IRB 6700."""
     plan = PLAN.model_copy(update={"robot": "irb6640", "pulls": Plan().pulls})
-    measured = ingested(in_memory(simulate(plan).files), conformed, plain, plausible=False)
+    measured = ingested(in_memory(simulate(plan).files), plausible=False)
     (d,) = (one for one in dh_parameters(measured.robot) if one.label == "link_offset:4")
     short = changed(measured.robot, [d], np.array([-0.2495]))
     zeros = unloaded(measured)

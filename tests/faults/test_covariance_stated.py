@@ -9,7 +9,7 @@ import pytest
 from pipeline.base import covariance
 from pipeline.faults.covariance_stated import misstated
 from pipeline.faults.fault import Screening
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -21,7 +21,7 @@ ACROSS, ALONG = 1.5e-4, 1e-5
 @cache
 def good():
     """A campaign whose readings scatter as the covariance of each in the export states [m]."""
-    case = ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+    case = ingested(in_memory(simulate(PLAN).files), plausible=False)
     rows, rng = case.readings, np.random.default_rng(7)
     points = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
     unit = points / np.linalg.norm(points, axis=1)[:, None]

@@ -15,7 +15,7 @@ from pipeline.faults.exchanged import exchanged
 from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls, misfit
 from pipeline.faults.labels import CHAIN
 from pipeline.faults.scale_rows import scale_rows
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -43,7 +43,7 @@ def case(made):
 @lru_cache(100)
 def _case(made):
     """As ingested; most tests compare a campaign with what it was before it was spoilt."""
-    return ingested(in_memory(dict(made)), conformed, plain, plausible=False)
+    return ingested(in_memory(dict(made)), plausible=False)
 
 
 def table(made, name):

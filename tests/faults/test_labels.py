@@ -13,7 +13,6 @@ from pipeline.faults.base_names import base_names
 from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.faults.conventions import aligned
 from pipeline.faults.labels import CHAIN, FAULT, chain_distances
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -30,7 +29,7 @@ def labels(case):
 @cache
 def good():
     """A campaign of five poses, two pulls in each, in which nothing is wrong."""
-    return ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+    return ingested(in_memory(simulate(PLAN).files), plausible=False)
 
 
 def written(group, names):
@@ -259,6 +258,6 @@ def test_distances_of_the_chain_are_from_the_load_point():
 
 def test_an_end_of_the_chain_that_is_named_in_a_round_of_the_base_is_no_exchange():
     """A round has no pose: a target and a base reflector, and an end of the chain, are mixed up."""
-    mixed = ingested(in_memory(dict(spoilt(110946).files)), conformed, plain, plausible=False)
+    mixed = ingested(in_memory(dict(spoilt(110946).files)), plausible=False)
 
     assert {one.name for one in labels(mixed)} <= {"label_swap"}

@@ -9,7 +9,6 @@ from small_case import asked
 from pipeline.answer.inputs import lost_told
 from pipeline.faults.exchanged import exchanged
 from pipeline.faults.named_twice import named_twice
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -35,7 +34,7 @@ def with_names(name):
     made, head, cells = files()
     rows = [",".join([name(one[0]), *one[1:]]) for one in cells]
     export = {"tracker.csv": ("\n".join([head, *rows]) + "\n").encode()}
-    return ingested(in_memory(made | export), conformed, plain, plausible=False)
+    return ingested(in_memory(made | export), plausible=False)
 
 
 def with_poses(one, other, kind):
@@ -90,7 +89,7 @@ def shot_again(far_mm, repeats):
         if one[1] == "P1" and one[0] in [f"pose04_rep{k}_loaded" for k in repeats]:
             rows.append([*one[:2], f"{float(one[2]) + far_mm:.4f}", *one[3:]])
     export = {"tracker.csv": ("\n".join([head, *(",".join(one) for one in rows)]) + "\n").encode()}
-    return ingested(in_memory(made | export), conformed, plain, plausible=False)
+    return ingested(in_memory(made | export), plausible=False)
 
 
 def test_a_shot_that_was_repeated_on_the_spot_is_no_mistake():
@@ -122,7 +121,5 @@ def test_a_chain_that_hangs_in_every_zero_exchanges_no_name():
     slack = [[one[0].replace("rep1_loaded", "rep0_unloaded"), *one[1:]] for one in ends]
     taut = [one for one in cells if not (one[0] == "pose03_rep1_loaded" and one in ends)]
     export = "\n".join([head, *(",".join(one) for one in [*taut, *slack])]) + "\n"
-    given = ingested(
-        in_memory(made | {"tracker.csv": export.encode()}), conformed, plain, plausible=False
-    )
+    given = ingested(in_memory(made | {"tracker.csv": export.encode()}), plausible=False)
     assert given.renamed == ()

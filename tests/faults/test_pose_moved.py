@@ -13,7 +13,7 @@ from pipeline.diagnosis.facts import Facts
 from pipeline.faults import pose_moved
 from pipeline.faults.pose_moved import moved
 from pipeline.faults.scale_reading import scale_outliers
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -51,7 +51,7 @@ def knocked(made, group, size_mm=0.6, until=None):
 
 
 def case_of(made):
-    return ingested(in_memory(made), conformed, plain, plausible=False)
+    return ingested(in_memory(made), plausible=False)
 
 
 def found(made):

@@ -9,7 +9,6 @@ import pyarrow as pa
 import pytest
 
 from pipeline.faults.pull import force_unit, reversed_pull, times
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -22,7 +21,7 @@ FORCES = ("fx_n", "fy_n", "fz_n")
 @cache
 def good():
     """A campaign of four poses in which nothing is wrong."""
-    return ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+    return ingested(in_memory(simulate(PLAN).files), plausible=False)
 
 
 def estimate(factor, relative=0.01):

@@ -8,7 +8,7 @@ import pytest
 from small_case import screen
 
 from pipeline.faults.joint_row import wrong_rows
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
@@ -23,7 +23,7 @@ def files(*effects, **changes):
 
 
 def case_of(campaign):
-    return ingested(in_memory(campaign), conformed, plain, plausible=False)
+    return ingested(in_memory(campaign), plausible=False)
 
 
 def findings(campaign):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_case import screen
 
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
@@ -31,7 +31,7 @@ def mistyped(files, change, line=LINE):
 
 
 def screened(files):
-    case = ingested(in_memory(files), conformed, plain, plausible=False)
+    case = ingested(in_memory(files), plausible=False)
     return screen(case, bring(case))
 
 

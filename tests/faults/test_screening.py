@@ -17,7 +17,7 @@ from pipeline.faults.conventions import anchored_miss, conventions, miss
 from pipeline.faults.screen import ScreeningBase
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import campaign_answer, ingested, run
 from pipeline.simulate import Plan, revised, simulate
@@ -34,7 +34,7 @@ def campaign(*effects, **changes):
 
 
 def case_of(files):
-    return ingested(in_memory(files), conformed, plain, plausible=False)
+    return ingested(in_memory(files), plausible=False)
 
 
 def findings(files):
@@ -234,7 +234,7 @@ def test_a_wrong_sign_in_a_robot_file_is_named():
     changed = {"campaign.toml": text.encode(), "robot.toml": wrong.encode()}
     raw = in_memory({**made.files, **changed})
 
-    found = conventions(ingested(raw, conformed, plain, plausible=False))
+    found = conventions(ingested(raw, plausible=False))
 
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", "d_4")]
 
@@ -262,7 +262,7 @@ def test_dh_for_modified_dh_is_named():
     changed = {"campaign.toml": settings.encode(), "robot.toml": text.encode()}
     raw = in_memory({**made.files, **changed})
 
-    found = conventions(ingested(raw, conformed, plain, plausible=False))
+    found = conventions(ingested(raw, plausible=False))
 
     assert [(f.name, f.where) for f in found] == [("sign_or_convention", "modified_dh")]
 

@@ -8,7 +8,7 @@ import pytest
 from small_case import asked, screen
 
 from pipeline.faults.stale_reading import repeated, stale
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -31,7 +31,7 @@ def written(files, wrong):
     text = io.StringIO()
     csv.writer(text).writerows(rows)
     changed = {**files, "tracker.csv": text.getvalue().encode()}
-    return ingested(in_memory(changed), conformed, plain, plausible=False)
+    return ingested(in_memory(changed), plausible=False)
 
 
 def named(case):
@@ -85,7 +85,7 @@ def again(files, group, of, targets, digits=None):
     text = io.StringIO()
     csv.writer(text).writerows(rows)
     changed = {**files, "tracker.csv": text.getvalue().encode()}
-    return ingested(in_memory(changed), conformed, plain, plausible=False)
+    return ingested(in_memory(changed), plausible=False)
 
 
 EVERY = ("P1", "P2", "P3", "Pl1", "Pl2")
@@ -175,7 +175,7 @@ def test_an_anchor_that_stands_still_repeats_itself_by_chance(files, digits):
     csv.writer(text).writerows(rows)
     changed = {**files, "tracker.csv": text.getvalue().encode()}
 
-    found = repeated(asked(ingested(in_memory(changed), conformed, plain, plausible=False)))
+    found = repeated(asked(ingested(in_memory(changed), plausible=False)))
 
     assert not [one.where for one in found if one.where.endswith("/Pl2")]
 
@@ -190,6 +190,6 @@ def test_an_anchor_read_once_stands_for_every_pose(files):
     csv.writer(text).writerows(rows)
     changed = {**files, "tracker.csv": text.getvalue().encode()}
 
-    found = repeated(asked(ingested(in_memory(changed), conformed, plain, plausible=False)))
+    found = repeated(asked(ingested(in_memory(changed), plausible=False)))
 
     assert not found

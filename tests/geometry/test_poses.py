@@ -12,7 +12,7 @@ from pipeline.diagnosis.unloaded_geometry import from_unloaded
 from pipeline.geometry.roughness import cells, products
 from pipeline.machine import six
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
 from pipeline.run import campaign_answer, ingested
@@ -32,7 +32,7 @@ def made(seed=3, poses=10, **more):
 
 def case_of(files):
     """As ingested."""
-    return ingested(in_memory(files), conformed, plain)
+    return ingested(in_memory(files))
 
 
 def silent(files):

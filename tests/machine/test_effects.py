@@ -1,5 +1,6 @@
 """The catalogue: complete, without duplicates, and every cause as described."""
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -58,12 +59,29 @@ EFFECTS = catalogue(KR500)
 BASES = [e for e in catalogue(FANUC) if e.name == "pedestal_tilt"]
 DEEP = {"at its foot": 0.0, "half a metre deep": 0.5, "a metre deep": 1.0}
 IDS = [f"{e.label}-{e.form}" for e in EFFECTS]
-LINEAR = [
-    e
-    for e in EFFECTS
-    if e.name in ("rail_lateral", "rail_vertical", "rail_roll", "rail_pitch", "rail_yaw")
-    or e.name in ("joint_tilt", "link_bending", "tool_flex", "wrist_coupling")
-]
+
+
+@functools.cache
+def varied_pulls():
+    """A KR500 under pulls as varied as possible."""
+    rng = np.random.default_rng(1)
+    cell = forward.paper_cell(KR500, rich_tool(rng))
+    return forward.load(cell, rich_pulls(KR500, rng), KR500.nominal_compliance)
+
+
+def is_linear(effect):
+    """Whether one matrix turns torques of 1 N m to 1 MN m into the deflection of any pull."""
+    if not isinstance(effect, Elastic):
+        return False
+    rng, loaded = np.random.default_rng(1), varied_pulls()
+    shape = len(loaded.pulls), len(effect.carrier)
+    tau = rng.choice([-1, 1], shape) * 10.0 ** rng.uniform(0, 6, shape)
+    moved = effect.response(loaded, tau)
+    constant = np.linalg.lstsq(tau, moved, rcond=None)[0]
+    return bool(np.abs(moved - tau @ constant).max() <= 1e-9 * np.abs(moved).max())
+
+
+LINEAR = [e for e in EFFECTS if is_linear(e)]
 """Linear springs of constant compliance."""
 
 

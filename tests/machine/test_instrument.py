@@ -14,7 +14,6 @@ from pipeline.machine.instrument import (
     sheet,
     sheets,
 )
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -160,7 +159,7 @@ MODEL = ['model = "Leica AT402"']
 )
 def test_what_is_stated_comes_before_the_data_sheet(tables, source):
     """And a data sheet applies to a tracker that measures points."""
-    readings = ingested(made(**tables), conformed, plain).readings
+    readings = ingested(made(**tables)).readings
 
     assert set(readings["covariance_from"]) == {source}
     if source == "sheet":

@@ -11,7 +11,7 @@ from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure
 from pipeline.prediction.model import IdentifiedModel, part
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -25,7 +25,7 @@ def handed(request):
     """The model of a campaign in which a tool point is off by centimetres, in each form."""
     hidden = {"hidden": {"effects": ["load_point_offset=6x"]}, "poses": {"count": 12}}
     made = simulate(revised(PLAN, hidden), np.random.default_rng(5))
-    case = ingested(in_memory(made.files), conformed, plain, plausible=False)
+    case = ingested(in_memory(made.files), plausible=False)
     form = request.param
     effect = next(
         e for e in catalogue(case.robot) if (e.name, e.form) == ("load_point_offset", form)

@@ -14,7 +14,7 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.programs.aim import Refusal
-from pipeline.programs.corrected import CorrectionOptions, ForceFrame, write
+from pipeline.programs.on_disk import CorrectionOptions, ForceFrame, write
 
 ROBOT = load("kr500_rail")
 FORCE = np.array([600.0, -800.0, -900.0])
@@ -87,6 +87,24 @@ def left(bending, found, letters, tool, base):
         here = bending.loaded(bending.commanded(wanted, q), FORCE, tool.translation) * tool
         out.append(np.linalg.norm(here.translation - (bending.flange(q) * tool).translation))
     return np.array(out)
+
+
+def test_no_row_of_a_path_moves_farther_than_is_plausible(correct):
+    """Each row beyond --max-offset is refused with its line; its shift is the deflection."""
+    rows = table(correct.bending, "abc", pin.SE3.Identity(), pin.SE3.Identity())
+    found, _ = correct(rows)
+    limit = found["deflection_mm"].median()
+    beyond = np.flatnonzero(found["deflection_mm"] > limit)
+
+    with pytest.raises(Refusal) as refused:
+        correct(rows, max_offset_mm=limit)
+    assert [one.line for one in (*refused.value.others, refused.value)] == (beyond + 2).tolist()
+    joint_rows = pd.DataFrame(
+        joints(), columns=[f"{j.name}_{'m' if j.prismatic else 'rad'}" for j in ROBOT.joints]
+    )
+    forces = rows[["fx_n", "fy_n", "fz_n"]]
+    with pytest.raises(Refusal, match=r"path\.csv:7: pose 6 would move by"):
+        correct(pd.concat([rows["pose"], joint_rows, forces], axis=1), max_offset_mm=1e-3)
 
 
 @pytest.mark.parametrize("letters", TITLES)

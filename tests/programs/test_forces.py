@@ -10,8 +10,8 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
 from pipeline.programs import read
-from pipeline.programs.corrected import CorrectionOptions, program
 from pipeline.programs.forces import stated, tabled
+from pipeline.programs.on_disk import CorrectionOptions, program
 
 KR = load("kr500_rail")
 START = "3000,10,-70,100,20,40,-30"

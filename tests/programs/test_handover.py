@@ -30,7 +30,7 @@ from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path as JointPath
 from pipeline.programs import joint_path
-from pipeline.programs.corrected import CorrectionOptions, program, write
+from pipeline.programs.on_disk import CorrectionOptions, program, write
 from pipeline.reduction.effector import tool
 from pipeline.run import run
 from pipeline.simulate import parse, simulate

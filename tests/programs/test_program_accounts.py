@@ -467,6 +467,23 @@ def test_half_of_a_program_is_written_only_where_it_is_asked_for(typed):
     assert typed.point not in (typed.root / "out.src").read_text()
 
 
+def test_no_target_moves_farther_than_is_plausible(typed):
+    """Beyond --max-offset exit code 5 with line and size, and no file; within it the program."""
+    code, said = typed(typed.point, "out.src", "--max-offset", "0.5")
+
+    assert code == 5
+    shift = re.search(
+        r"p\.src:1: .* would move by (\S+) mm, more than --max-offset 0\.5 mm",
+        said.replace("\n", " "),
+    )
+    assert float(shift[1]) > 0.5
+    assert not (typed.root / "out.src").exists()
+    code, _ = typed(None, "out.src", "--max-offset", f"{float(shift[1]) + 0.01}")
+    assert code == 0
+    assert (typed.root / "out.src").exists()
+    assert typed(None, "out.src", "--max-offset", "nan")[0] == 2
+
+
 def test_the_original_is_not_written_over(typed):
     """Onto itself, by a link, or onto its other file: exit code 5, and both stay."""
     (typed.root / "p.dat").write_text("DEFDAT p\nENDDAT\n")

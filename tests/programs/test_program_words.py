@@ -15,8 +15,8 @@ from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
 from pipeline.programs import read
 from pipeline.programs.aim import Refusal
-from pipeline.programs.corrected import CorrectionOptions, ForceFrame, program
 from pipeline.programs.notation import ABB, FANUC, KUKA, UR
+from pipeline.programs.on_disk import CorrectionOptions, ForceFrame, program
 from pipeline.programs.program import _rewritten
 
 KR = load("kr500_rail")

@@ -17,7 +17,7 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.programs.corrected import CorrectionOptions, program
+from pipeline.programs.on_disk import CorrectionOptions, program
 
 TIP = np.array([0.1, 0.0, 0.2])
 FORCE = {"ur10e": [30.0, -20.0, -40.0]}

@@ -11,7 +11,7 @@ import pytest
 from pipeline.annex.reliability import _names
 from pipeline.base.errors import InputError
 from pipeline.machine.effects import scale, table, tracker_drift
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.expected import expected
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -22,7 +22,7 @@ FAR_M = 2.5
 
 
 def reduced(files):
-    return bring(ingested(in_memory(files), conformed, plain, plausible=False))
+    return bring(ingested(in_memory(files), plausible=False))
 
 
 def in_newton(found):
@@ -72,8 +72,8 @@ def test_the_force_points_to_the_anchor(hall):
 def test_exchanged_names_turn_no_chain(hall):
     """Ends from the load point are where they are with the reflectors' own names."""
     files, toml, anchors, true = hall
-    case = ingested(in_memory(files | {"campaign.toml": with_anchors(toml, anchors)}), conformed,
-                    plain, plausible=False)  # fmt: skip
+    made = files | {"campaign.toml": with_anchors(toml, anchors)}
+    case = ingested(in_memory(made), plausible=False)
     first, second = case.settings.measured[:2]
     other = {first: second, second: first}
     rows = [row.split(",") for row in files["tracker.csv"].decode().splitlines()]
@@ -94,7 +94,7 @@ def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(hall):
     told = {}
     for chain, those in ((False, files | {"campaign.toml": with_anchors(toml, anchors)}),
                          (True, with_chain)):  # fmt: skip
-        case = ingested(in_memory(those), conformed, plain, plausible=False)
+        case = ingested(in_memory(those), plausible=False)
         found = bring(case)
         names = {name for name, *_ in _names(case, found.placed).values()}
         needs = {one.name: one.needs for one in expected(case, found.data)}

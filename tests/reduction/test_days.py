@@ -10,7 +10,7 @@ from scipy import stats
 
 from bench.reduced import reduce
 from pipeline.machine.effect import Pulls
-from pipeline.reduction.bring import conformed, plain
+from pipeline.reduction.bring import conformed
 from pipeline.reduction.days import days, with_days
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -156,7 +156,7 @@ def test_stated_uncertainty_holds_the_days(truth):
 
 
 def _cell(raw):
-    return ingested(raw, conformed, plain, plausible=False).cell
+    return ingested(raw, plausible=False).cell
 
 
 def test_a_target_that_one_day_lacks_does_not_count(truth):

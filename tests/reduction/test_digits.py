@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.reduction.digits import division, rounding
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
@@ -45,7 +45,7 @@ def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
     files = campaign(1)
 
     def variances(made):
-        case = ingested(in_memory(made), conformed, plain, plausible=False)
+        case = ingested(in_memory(made), plausible=False)
         return np.einsum("dii->di", bring(case).data.loaded_cov)
 
     before, after = variances(files), variances(rounded(files, 1))
@@ -106,7 +106,7 @@ def test_a_coarse_scale_makes_each_force_less_certain():
     files = campaign(3)
 
     def variances(made):
-        case = ingested(in_memory(made), conformed, plain, plausible=False)
+        case = ingested(in_memory(made), plausible=False)
         return bring(case).data.reading_std ** 2
 
     before, after = variances(files), variances(coarse(files, 20.0))

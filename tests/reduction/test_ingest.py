@@ -9,7 +9,6 @@ from pipeline.base.errors import InputError
 from pipeline.check.findings import treated_findings
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 from pipeline.machine.robot import load
-from pipeline.reduction.bring import conformed, plain
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse
 from pipeline.run import ingested
@@ -352,7 +351,7 @@ def test_a_missing_target_is_said_and_the_others_used():
                      "loads.csv": LOADS.encode(), "joints.csv": JOINTS.encode()})  # fmt: skip
 
     assert not reasons(got)  # nothing was left out
-    assert treated_findings(ingested(raw, conformed, plain, plausible=False)) == [
+    assert treated_findings(ingested(raw, plausible=False)) == [
         "P2 was not read in pose 1 pull 2: the other targets are used there."
     ]
     assert len(got.readings) == len(tracker_rows()) - 1

@@ -5,7 +5,6 @@ import io
 
 import pytest
 
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -28,7 +27,7 @@ def rejected(axes, stated):
         "joints.csv": text.getvalue().encode(),
         "campaign.toml": (toml[0] + pose).encode(),
     }
-    found = ingested(in_memory(changed), conformed, plain).rejected
+    found = ingested(in_memory(changed)).rejected
     return found[found["file"] == "joints.csv"]["line"].tolist()
 
 

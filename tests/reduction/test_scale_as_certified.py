@@ -9,7 +9,6 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.check.findings import scale_findings
-from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -28,7 +27,7 @@ def shown(by, stated=""):
     written.writerows(rows)
     toml = re.sub(r"(?m)^\[scale\]\n", f"[scale]\n{stated}\n", FILES["campaign.toml"].decode())
     changed = FILES | {"loads.csv": text.getvalue().encode(), "campaign.toml": toml.encode()}
-    case = ingested(in_memory(changed), conformed, plain)
+    case = ingested(in_memory(changed))
     return case.loads["force_n"].to_numpy(float), case.settings
 
 

@@ -27,7 +27,7 @@ def test_a_fraction_of_a_second_is_no_later_version(listed, taken):
     """The same object is listed 0.7 s later than it says; half a minute is another version."""
     store = Store("s3://robots/raw")
     files = SimpleNamespace(open_input_file=lambda _: _Source(b"1,2\n"))
-    store.__dict__["_place"] = (files, "robots/raw")
+    store.__dict__["_opened"] = (files, "robots/raw")
     told = contextlib.nullcontext() if taken else pytest.raises(InputError, match="not as it is")
 
     with told:

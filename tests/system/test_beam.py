@@ -8,7 +8,7 @@ from world_files import written
 
 from bench.worlds.run import asked
 from bench.worlds.worlds import SHEETS
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.beam import BeamNoise, _taken
@@ -19,7 +19,7 @@ from pipeline.system.noise_shape import shape
 
 def fitted(world):
     """Fit the joint springs to a campaign of a world."""
-    case = ingested(in_memory(written(world)[3]), conformed, plain)
+    case = ingested(in_memory(written(world)[3]))
     return fit(case, bring(case))
 
 

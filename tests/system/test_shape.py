@@ -11,7 +11,7 @@ from world_files import written
 
 from bench.worlds.run import asked
 from pipeline.faults.screen import Screened, ScreeningBase, singles_of
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
@@ -77,7 +77,7 @@ def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
 
     Impossible with normal noise, one reading in 5000 with Student's of 3 degrees of freedom.
     """
-    case = ingested(in_memory(written(world)[3]), conformed, plain)
+    case = ingested(in_memory(written(world)[3]))
     reduced = bring(case)
     row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
     here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
@@ -115,7 +115,7 @@ def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
 def test_what_goes_with_the_pull_is_no_noise(world, off_m):
     """Random rotations of the robot in each pose, in proportion to the pull, hide no wander."""
     raw = in_memory(written(world)[3])
-    case = ingested(raw, conformed, plain)
+    case = ingested(raw)
     right = fit(case, bring(case))
     seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
     columns = free(seen)
@@ -132,7 +132,7 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
 @pytest.mark.whole
 def test_a_noisy_pose_stays_one_from_round_to_round():
     """Its readings scatter three times as much; weighed so, they would say no more of that."""
-    case = ingested(in_memory(written("normal")[3]), conformed, plain)
+    case = ingested(in_memory(written("normal")[3]))
     right = fit(case, bring(case))
     seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
     pose, rng = int(np.unique(seen.rows.pose)[3]), np.random.default_rng(2)
@@ -153,7 +153,7 @@ def test_a_noisy_pose_stays_one_from_round_to_round():
 @pytest.mark.parametrize("times", [1.5, 2.0])
 def test_noise_stated_too_large_is_white(times):
     """Each reading then has the variance that is there, and nothing is left for a wander."""
-    case = ingested(in_memory(written("normal")[3]), conformed, plain)
+    case = ingested(in_memory(written("normal")[3]))
     right = fit(case, bring(case))
     d = len(right.plain.pull)
     stated = right.plain.reweighed(np.full(d, times**2), np.full(d, times**2))

@@ -11,7 +11,7 @@ from pipeline.annex.sections.method import method
 from pipeline.answer.inputs import payload_entries
 from pipeline.base.errors import InputError
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import campaign_answer, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -110,7 +110,7 @@ def hang(loads, seed=1, noise=SIGMA, poses=10, more="", **toml):
 
 def case_of(files):
     """As ingested."""
-    return ingested(in_memory(files), conformed, plain)
+    return ingested(in_memory(files))
 
 
 def weighed(c, B, pulls):

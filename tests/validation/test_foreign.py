@@ -16,7 +16,7 @@ from bench.peers import arm as arms
 from bench.peers import cut, judge, springs
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.mdh import parse
-from pipeline.reduction.bring import bring, conformed, plain, to_displacements
+from pipeline.reduction.bring import bring, to_displacements
 from pipeline.run import ingested
 from pipeline.store.campaign import find
 from pipeline.system.estimate import identify
@@ -93,7 +93,7 @@ def test_forces_and_displacements_are_those_of_the_papers_equations():
     arm = arms.read(cut.KR500)
     theirs = springs.read(cut.RAW / "kr500_demo", arm)
 
-    found = to_displacements(ingested(find(cut.HERE, "kr500_demo").read(), conformed, plain))
+    found = to_displacements(ingested(find(cut.HERE, "kr500_demo").read()))
 
     force = found.forces[["fx_n", "fy_n", "fz_n"]].to_numpy()
     moved = found.displacements[["dx_m", "dy_m", "dz_m"]].to_numpy()
@@ -104,7 +104,7 @@ def test_forces_and_displacements_are_those_of_the_papers_equations():
 def test_springs_of_the_fanuc_are_those_of_the_papers_equations():
     """Without a stated noise the estimate is Eq. (21): compliances agree to 1e-6."""
     raw = find(cut.HERE, "fanuc_r2000ic").read()
-    case = ingested(raw, conformed, plain)
+    case = ingested(raw)
     ours = identify(case.cell, bring(case).data, raw.robot.nominal_compliance)[1].value
     arm = arms.read(ROBOTS["fanuc_r2000ic"])
 

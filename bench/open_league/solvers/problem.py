@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect, Elastic, Noise, Pulls
 from pipeline.machine.effects import catalogue
-from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.bring import bring
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
@@ -75,7 +75,7 @@ class Problem:
 
 def problem(folder: Path) -> Problem:
     """The problem of a campaign, linearised about the springs of plain least squares."""
-    case = ingested(in_memory(content(folder)), conformed, plain)
+    case = ingested(in_memory(content(folder)))
     data, cell, robot = bring(case).data, case.cell, case.robot
     first = assemble(cell, data, robot.nominal_compliance)
     x = np.linalg.lstsq(first.B * first.typical, first.c, rcond=None)[0] * first.typical

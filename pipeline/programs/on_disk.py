@@ -1,4 +1,4 @@
-"""Correct paths and robot programs by a campaign's model, with the options of the command line."""
+"""Correct paths and robot programs on disk, with the model of a campaign and options as typed."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from pipeline.programs.program import FINE_M
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
+    from pipeline.library.compensate import Compensation
     from pipeline.prediction.model import IdentifiedModel
     from pipeline.programs import Program
     from pipeline.programs.aim import Setting
@@ -51,6 +52,7 @@ class CorrectionOptions:
         start: Axis values before the first motion [deg], [mm].
         partial: Whether to write a program although some of its motions stay as taught.
         forces: Table of the force at each target of a program.
+        max_offset_mm: Largest plausible shift of a target [mm]; None if there is no such limit.
     """
 
     tip: tuple[float, float, float] | None = None
@@ -63,6 +65,7 @@ class CorrectionOptions:
     start: str | None = None
     partial: bool = False
     forces: Path | None = None
+    max_offset_mm: float | None = None
 
 
 def write(
@@ -124,6 +127,8 @@ def drawn(
     setting = _setting(given, read_.notation, model)
     force = _acting(given, read_, other)
     found = correct(model, read_, setting, force, given.partial)
+    own = (one for one in read_.targets if one.file == read_.file)
+    _refuse_far(given, found.found, [(one.name, one.file, one.line) for one in own])
     remarks = _remarks(read_, found)
     if near is not None and any(one.file == near.name for one in read_.targets):
         remarks.append(f"{near.name} has targets of this program, too: correct it as well.")
@@ -299,6 +304,8 @@ def _joints(
         turned = joint_path.in_base(model.robot, wanted.q, tool, wanted.force)
         wanted = replace(wanted, force=turned)
     found = compensate(model, wanted, tip if setting.tip is None else setting.tip)
+    rows = zip(wanted.pose.tolist(), wanted.line, strict=True)
+    _refuse_far(given, found, [(f"pose {pose}", path.name, line) for pose, line in rows])
     return joint_path.table(model.robot, wanted, found), found.remarks
 
 
@@ -308,16 +315,52 @@ def _poses(
     """Corrected coordinates and offsets of a path of poses, and remarks."""
     from pipeline.programs import cartesian
     from pipeline.programs.aim import aim
-    from pipeline.programs.correct import corrected
+    from pipeline.programs.correct import correct_targets
     from pipeline.programs.notation import Notation
 
     setting = _setting(given, Notation(letters), model, path=True)
     wanted = cartesian.read(path.name, data, model.robot, letters, _force(given))
     aimed = aim(model, wanted.notation, wanted.targets, setting)
-    found, values = corrected(
+    found, values = correct_targets(
         model, wanted.notation, wanted.targets, aimed, wanted.force, setting.in_tool
     )
+    _refuse_far(given, found, [(one.name, one.file, one.line) for one in wanted.targets])
     return cartesian.table(model.robot, wanted, values, found), found.remarks
+
+
+def _refuse_far(
+    given: CorrectionOptions, found: Compensation, places: Sequence[tuple[str, str, int]]
+) -> None:
+    """Refuse corrections larger than the limit given, which a wrong force or tool makes.
+
+    Args:
+        given: Options, with the limit.
+        found: Offsets of the points.
+        places: Name, file and line of each point.
+
+    Raises:
+        Refusal: Some points would move farther.
+    """
+    import numpy as np
+
+    from pipeline.programs.aim import Refusal
+
+    if given.max_offset_mm is None:
+        return
+    shift_mm = 1e3 * np.linalg.norm(found.shift, axis=1)
+    far = [
+        InputError(
+            f"{name} would move by {size:.3f} mm, more than --max-offset "
+            f"{given.max_offset_mm:g} mm",
+            "check force, unit, tool and tip, or raise the limit",
+            file=file,
+            line=line,
+        )
+        for (name, file, line), size in zip(places, shift_mm.tolist(), strict=True)
+        if size > given.max_offset_mm
+    ]
+    if far:
+        raise Refusal(far)
 
 
 def _force(given: CorrectionOptions) -> Array | None:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from pipeline.base.strict import Numbers
 from pipeline.library.preferences import Preferences
 from pipeline.machine.robot import mdh
 from pipeline.reduction.settings import Settings
@@ -60,6 +61,7 @@ def test_truth_is_no_number(kind, file):
     content = tomllib.loads(file.read_text("utf-8")) if isinstance(file, Path) else file
     places = list(numbers(content))
 
+    assert issubclass(kind, Numbers)
     assert len(places) > 3
     for path in places:
         with pytest.raises(ValidationError, match="true and false are no numbers"):
