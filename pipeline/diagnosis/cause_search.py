@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -92,6 +93,18 @@ class SearchTask:
     ) -> Whitened:
         """The linearised campaign, whitened; laws of `doubt` are valid within tolerance only."""
         return whiten(seen, self.noise, self.force_noise, self.laws(doubt), in_each)
+
+    def without(self, view: Whitened, gone: Set[int]) -> Whitened:
+        """The campaign linearised where some accepted causes of a view do not act.
+
+        What would take their place has no part in what they do: beside a cause, a scale that reads
+        a fraction otherwise is that cause itself in proportion, as far as all pulls are alike.
+        """
+        model = view.model
+        own = [np.full(len(self.suspects[i].parameters), i not in gone) for i in model.accepted]
+        kept = np.concatenate([np.ones(model.springs, dtype=bool), *own])
+        there = replace(model, values=np.where(kept, model.values, 0.0))
+        return self.whitened(linearise(there, self.data, view.suspects, view.seen))
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
         """The suspects `doubt`, each with the relative tolerance of its law."""
@@ -635,9 +648,15 @@ def _chained(task: SearchTask, view: Whitened, rest: Sequence[int], causes: Sequ
 
 
 def _beside(task: SearchTask, view: Whitened, causes: Sequence[int]) -> Scores:
-    """Statistics of every suspect given springs and some causes."""
+    """Statistics of every suspect given springs and some causes, where no other cause acts."""
+    view = _without(task, view, frozenset(view.model.accepted).difference(causes))
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
     return statistics_given(task.suspects, view.beside(base), causes)
+
+
+@lru_cache(maxsize=8)
+def _without(task: SearchTask, view: Whitened, gone: frozenset[int]) -> Whitened:
+    return task.without(view, gone) if gone else view
 
 
 def _rivals(
@@ -739,7 +758,7 @@ def _instead(task: SearchTask, wide: Whitened, gone: Sequence[int]) -> NamelessR
     first, named = None, 0.0
     for place in gone:
         base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
-        now = wide.beside(base)
+        now = _without(task, wide, frozenset(accepted).difference(rest)).beside(base)
         first = now if first is None else first
         named += float(now.log_evidence[accepted[place]])
         rest = (*rest, accepted[place])
