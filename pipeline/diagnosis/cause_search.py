@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -494,16 +493,20 @@ def _likeliest(now: Scores) -> Ints:
 def _possible(task: SearchTask, now: Scores, suspect: int) -> bool:
     """False if an estimate exceeds its bounds by more than two standard uncertainties and `_SLACK`.
 
-    Bounds are physical, and those from the unloaded reflectors.
+    Bounds are physical, of the size and of the compliance that it changes, and those from the
+    unloaded reflectors.
     """
     k = len(task.suspects[suspect].parameters)
     value, std = now.size[suspect, :k], np.sqrt(np.diag(now.cov[suspect]))[:k]
     most = task.refuted.get(task.suspects[suspect].label, np.inf)
     assert now.bounds is not None
+    assert now.yielding is not None
     lower, upper = now.bounds[:, suspect, :k]
     slack = 2 * std + _SLACK
     low, high = np.maximum(lower, -most) - slack, np.minimum(upper, most) + slack
-    return bool(np.all((value > low) & (value < high)))
+    left, spread = now.yielding.distance(now.size, now.cov)
+    least = -2 * spread - _SLACK * np.linalg.norm(now.yielding.normal, axis=1)
+    return bool(np.all((value > low) & (value < high)) and left[suspect] >= least[suspect])
 
 
 _SLACK = 0.3
@@ -574,9 +577,24 @@ def _better(
             return None
         asked += 1
         least = limit if len(move.into) > len(move.out) else 1.0
-        if all(_may_stand(task, view, after, i, least) for i in move.into):
+        if not move.into:
+            return after
+        there = task.without(view, {accepted[place] for place in move.out})
+        possible = all(_may_stand(task, there, after, i, least) for i in move.into)
+        if possible and _gains(task, there, move):
             return after
     return None
+
+
+def _gains(task: SearchTask, view: Whitened, move: _Move) -> bool:
+    """Whether a move has a gain where those that leave do not act."""
+    accepted = view.model.accepted
+    rest = [a for place, a in enumerate(accepted) if place not in move.out]
+
+    def worth(causes: Sequence[int]) -> float:
+        return _chained(task, view, rest, causes) - LEAST_EVIDENCE * len(causes)
+
+    return worth(move.into) - worth([accepted[place] for place in move.out]) > _BETTER
 
 
 def _may_stand(
@@ -648,15 +666,9 @@ def _chained(task: SearchTask, view: Whitened, rest: Sequence[int], causes: Sequ
 
 
 def _beside(task: SearchTask, view: Whitened, causes: Sequence[int]) -> Scores:
-    """Statistics of every suspect given springs and some causes, where no other cause acts."""
-    view = _without(task, view, frozenset(view.model.accepted).difference(causes))
+    """Statistics of every suspect given springs and some causes."""
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
     return statistics_given(task.suspects, view.beside(base), causes)
-
-
-@lru_cache(maxsize=8)
-def _without(task: SearchTask, view: Whitened, gone: frozenset[int]) -> Whitened:
-    return task.without(view, gone) if gone else view
 
 
 def _rivals(
@@ -666,7 +678,7 @@ def _rivals(
     out, p_values = [], []
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
-        now = _beside(task, view, rest)
+        now = _beside(task, task.without(view, {accepted[place]}), rest)
         p_values.append(float(now.p()[accepted[place]]))
         out.append(_odds(task, now, rest))
     return tuple(out), tuple(p_values)
@@ -756,9 +768,10 @@ def _instead(task: SearchTask, wide: Whitened, gone: Sequence[int]) -> NamelessR
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
     known = len(task.suspects)
     first, named = None, 0.0
+    view = task.without(wide, {accepted[place] for place in gone})
     for place in gone:
         base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
-        now = _without(task, wide, frozenset(accepted).difference(rest)).beside(base)
+        now = view.beside(base)
         first = now if first is None else first
         named += float(now.log_evidence[accepted[place]])
         rest = (*rest, accepted[place])
