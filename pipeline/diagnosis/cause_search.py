@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 from scipy import special
@@ -411,13 +411,9 @@ def _worth(task: SearchTask, view: Whitened) -> float:
 def _dropped(task: SearchTask, seen: Linearised) -> Linearised:
     """The campaign without the most dispensable cause, after all exchanges from there."""
     accepted, view = seen.model.accepted, task.whitened(seen)
-    rest = [tuple(a for a in accepted if a != one) for one in accepted]
-    worth = [
-        float(_beside(task, view, others).log_evidence[one])
-        for one, others in zip(accepted, rest, strict=True)
-    ]
-    start = _solved(view)[: view.springs]
-    return _exchange(task, task.fitted(rest[int(np.argmin(worth))], start, seen))
+    drops = (next(_moves(task, view, (place,), 0)) for place in range(len(accepted)))
+    rest = max(drops, key=lambda move: move.gain).of(task.suspects, accepted)
+    return _exchange(task, task.fitted(rest, _solved(view)[: view.springs], seen))
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
@@ -568,33 +564,23 @@ def _better(
     """The causes after the best possible move to a set not yet tried; None if there is none."""
     accepted = view.model.accepted
     most = 2 if limit and len(accepted) < _MOST else 0
-    asked = 0
-    for move in _ranked(task, view, most):
-        after = move.of(task.suspects, accepted)
-        if frozenset(after) in tried:
-            continue
-        if asked == _ASKED:
-            return None
-        asked += 1
+    moves = ((move, move.of(task.suspects, accepted)) for move in _ranked(task, view, most))
+    fresh = ((move, after) for move, after in moves if frozenset(after) not in tried)
+    for move, after in islice(fresh, _ASKED):
         least = limit if len(move.into) > len(move.out) else 1.0
-        if not move.into:
-            return after
-        there = task.without(view, {accepted[place] for place in move.out})
-        possible = all(_may_stand(task, there, after, i, least) for i in move.into)
-        if possible and _gains(task, there, move):
+        possible = all(_may_stand(task, view, after, i, least) for i in move.into)
+        if possible and (not move.into or _gains(task, view, move)):
             return after
     return None
 
 
 def _gains(task: SearchTask, view: Whitened, move: _Move) -> bool:
     """Whether a move has a gain where those that leave do not act."""
-    accepted = view.model.accepted
-    rest = [a for place, a in enumerate(accepted) if place not in move.out]
-
-    def worth(causes: Sequence[int]) -> float:
-        return _chained(task, view, rest, causes) - LEAST_EVIDENCE * len(causes)
-
-    return worth(move.into) - worth([accepted[place] for place in move.out]) > _BETTER
+    gone = [view.model.accepted[place] for place in move.out]
+    rest = [a for a in view.model.accepted if a not in gone]
+    there = task.without(view, {*gone})
+    mine, theirs = (_chained(task, there, rest, causes) for causes in (gone, move.into))
+    return theirs - mine > _BETTER + LEAST_EVIDENCE * (len(move.into) - len(gone))
 
 
 def _may_stand(

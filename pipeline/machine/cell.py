@@ -250,18 +250,7 @@ _of_springs, _of_suspects = lru_cache(maxsize=256)(_columns), lru_cache(maxsize=
 """Cached `_columns`; they do not depend on the parameter values at which derivatives are taken."""
 
 
-@lru_cache(maxsize=4)
-def _further_work(effects: _Same[Elastic], loaded: Loaded) -> tuple[Array, ...]:
-    out = []
-    for effect in effects:
-        tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
-        more, less = (effect.response(loaded, (1 + s) * tau) for s in (_SMALL, -_SMALL))
-        each = np.broadcast_to(tau * (more - less) / (2 * _SMALL), tau.shape)
-        out.append(each @ np.eye(len(effect.parameters))[list(effect.parameter_of)])
-    return tuple(out)
-
-
-def further_work(effects: Sequence[Elastic], loaded: Loaded) -> tuple[Array, ...]:
+def further_work(effect: Elastic, loaded: Loaded) -> Array:
     """Work of a small further part of each load, over that part, per unit of each parameter.
 
     w_k = sum over the virtual joints v of parameter k of tau_v d r_v((1 + s) tau) / ds at s = 0 [J
@@ -269,9 +258,12 @@ def further_work(effects: Sequence[Elastic], loaded: Loaded) -> tuple[Array, ...
     that acts at a joint, each times its parameter, is not negative.
 
     Returns:
-        Of each effect, shape (m, k).
+        Shape (m, k).
     """
-    return _further_work(_Same(effects), loaded)
+    tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
+    more, less = (effect.response(loaded, (1 + s) * tau) for s in (_SMALL, -_SMALL))
+    own = np.eye(len(effect.parameters))[list(effect.parameter_of)]
+    return np.asarray((tau * (more - less) / (2 * _SMALL)) @ own)
 
 
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:

@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.machine.cell import further_work, load
+from pipeline.machine.cell import baseline, further_work, load
 from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.linearised import Linearised
 from pipeline.system.score_tests import ScoreTests
@@ -74,16 +74,15 @@ class Work:
         if not some:
             return cls(np.zeros(0, np.int64), np.zeros((0, 1, 1)), np.zeros((0, 1, most)))
         loaded = load(seen.model.cell, seen.data.pulls, seen.model.values)
-        joints = seen.model.cell.effects[0]
-        assert isinstance(joints, Elastic)
-        tau2, *each = further_work([joints, *some.values()], loaded)
-        own = np.zeros((len(some), len(tau2), most))
-        at = np.zeros((len(some), 1, tau2.shape[1]))
-        for n, (effect, work) in enumerate(zip(some.values(), each, strict=True)):
-            own[n, :, : work.shape[1]] = work * [p.typical for p in effect.parameters]
-            if effect.twists is None:
-                at[n, 0, np.array(effect.carrier) - 1] = 1.0
-        return cls(np.array([*some]), tau2 * typical[: tau2.shape[1]] * at, own)
+        (joints,) = baseline(seen.model.cell.robot)
+        tau2 = further_work(joints, loaded) * typical[: len(joints.parameters)]
+        springs, own = np.zeros((len(some), *tau2.shape)), np.zeros((len(some), len(tau2), most))
+        for n, effect in enumerate(some.values()):
+            scale = [p.typical for p in effect.parameters]
+            own[n, :, : len(scale)] = further_work(effect, loaded) * scale
+            at = [] if effect.twists else [joint - 1 for joint in effect.carrier]
+            springs[n, :, at] = tau2[:, at].T
+        return cls(np.array([*some]), springs, own)
 
     def bound(self, M: Array, base: Ints, at: Ints, now: ScoreTests) -> Yielding:
         """The bounds in addition to one base.
