@@ -550,21 +550,16 @@ class _Move:
         return merged(suspects, (*some[:at], *self.into, *some[at:]))
 
 
-def _ranked(task: SearchTask, view: Whitened, most: int) -> list[_Move]:
-    """Moves with a gain above `_BETTER`, the largest gain first."""
-    places = range(len(view.model.accepted))
-    outs = [*combinations(places, 1), *combinations(places, 2)]
-    moves = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
-    return sorted(moves, key=lambda one: (-compared(one.gain), one.out, one.into))
-
-
 def _better(
     task: SearchTask, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """The causes after the best possible move to a set not yet tried; None if there is none."""
     accepted = view.model.accepted
     most = 2 if limit and len(accepted) < _MOST else 0
-    moves = ((move, move.of(task.suspects, accepted)) for move in _ranked(task, view, most))
+    outs = [out for count in (1, 2) for out in combinations(range(len(accepted)), count)]
+    gains = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
+    gains.sort(key=lambda one: (-compared(one.gain), one.out, one.into))
+    moves = ((move, move.of(task.suspects, accepted)) for move in gains)
     fresh = ((move, after) for move, after in moves if frozenset(after) not in tried)
     for move, after in islice(fresh, _ASKED):
         least = limit if len(move.into) > len(move.out) else 1.0

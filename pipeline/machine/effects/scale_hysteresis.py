@@ -39,8 +39,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
         _effect(
             "slackening",
             Parameter(
-                *("h_down", "1", 0.01, -1.0),
-                meaning="difference of the scale's reading on the way down",
+                "h_down", "1", 0.01, -1.0, 1.0, "difference of the scale's reading on the way down"
             ),
             lambda loaded: loaded.force * (loaded.pulls.branch < 0)[:, None],
         ),
