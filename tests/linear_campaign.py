@@ -173,6 +173,10 @@ class LinearTask(SearchTask):
         """Linearised with some causes."""
         return Seen(SimpleNamespace(accepted=tuple(accepted)))
 
+    def without(self, view, gone):
+        """The same where some accepted causes do not act."""
+        return view
+
     def whitened(self, seen, doubt=(), in_each=True):
         """Whitened, with unnamed causes if requested."""
         return (self.wide if seen.more else self.truth).view(seen.model.accepted)

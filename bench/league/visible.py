@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from pipeline.design.separability import separation
 from pipeline.diagnosis.facts import DETECTED, SEPARATED
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.separability import separation
 from pipeline.system.whitened import Whitened
 
 

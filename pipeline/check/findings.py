@@ -411,10 +411,16 @@ _ONE_PULL = 1.0
 pull it is elsewhere than was stated (Cook, Technometrics 19, 1977)."""
 
 
+_MANY = 10.0
+"""Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
+magnitudes are estimates and hold to a factor of a few (`Effect.source`), so anything beyond an
+order of magnitude is no usual cause."""
+
+
 def enormous(cause: FoundCause) -> str | None:
     """That a cause is many times its typical magnitude, and what would settle it; else None."""
-    most = cause.enormous
-    if most is None:
+    most = max(cause.amplitudes, key=lambda one: one.at_least_typical)
+    if most.at_least_typical <= _MANY:
         return None
     usual, unit = most.parameter.typical, most.parameter.unit
     factor, letter = (1.0, "") if unit == "1" else common_prefix([usual, most.value])

@@ -17,10 +17,10 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.design.information import Experiment, station
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.schedule import pulls_at
+from pipeline.design.separability import separation
 from pipeline.diagnosis.blindspots import visible
 from pipeline.diagnosis.facts import SEPARATED
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.separability import separation
 from pipeline.machine.cell import Cell, paper_cell, sensitivity
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue

@@ -20,9 +20,9 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked, compared
 from pipeline.design.poses import default_anchors, draw_poses, try_poses
 from pipeline.design.room import room_of
+from pipeline.design.separability import left_by, sizes
 from pipeline.diagnosis.cause_search import SearchTask
 from pipeline.diagnosis.facts import SEPARATED, Determining, ProposedPose, SeparatingPose
-from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.robot import configure, rating

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import combinations
+from itertools import combinations, islice
 
 import numpy as np
 from scipy import special
@@ -92,6 +92,18 @@ class SearchTask:
     ) -> Whitened:
         """The linearised campaign, whitened; laws of `doubt` are valid within tolerance only."""
         return whiten(seen, self.noise, self.force_noise, self.laws(doubt), in_each)
+
+    def without(self, view: Whitened, gone: Set[int]) -> Whitened:
+        """The campaign linearised where some accepted causes of a view do not act.
+
+        What would take their place has no part in what they do: beside a cause, a scale that reads
+        a fraction otherwise is that cause itself in proportion, as far as all pulls are alike.
+        """
+        model = view.model
+        own = [np.full(len(self.suspects[i].parameters), i not in gone) for i in model.accepted]
+        kept = np.concatenate([np.ones(model.springs, dtype=bool), *own])
+        there = replace(model, values=np.where(kept, model.values, 0.0))
+        return self.whitened(linearise(there, self.data, view.suspects, view.seen))
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
         """The suspects `doubt`, each with the relative tolerance of its law."""
@@ -399,13 +411,9 @@ def _worth(task: SearchTask, view: Whitened) -> float:
 def _dropped(task: SearchTask, seen: Linearised) -> Linearised:
     """The campaign without the most dispensable cause, after all exchanges from there."""
     accepted, view = seen.model.accepted, task.whitened(seen)
-    rest = [tuple(a for a in accepted if a != one) for one in accepted]
-    worth = [
-        float(_beside(task, view, others).log_evidence[one])
-        for one, others in zip(accepted, rest, strict=True)
-    ]
-    start = _solved(view)[: view.springs]
-    return _exchange(task, task.fitted(rest[int(np.argmin(worth))], start, seen))
+    drops = (next(_moves(task, view, (place,), 0)) for place in range(len(accepted)))
+    rest = max(drops, key=lambda move: move.gain).of(task.suspects, accepted)
+    return _exchange(task, task.fitted(rest, _solved(view)[: view.springs], seen))
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
@@ -481,16 +489,20 @@ def _likeliest(now: Scores) -> Ints:
 def _possible(task: SearchTask, now: Scores, suspect: int) -> bool:
     """False if an estimate exceeds its bounds by more than two standard uncertainties and `_SLACK`.
 
-    Bounds are physical, and those from the unloaded reflectors.
+    Bounds are physical, of the size and of the compliance that it changes, and those from the
+    unloaded reflectors.
     """
     k = len(task.suspects[suspect].parameters)
     value, std = now.size[suspect, :k], np.sqrt(np.diag(now.cov[suspect]))[:k]
     most = task.refuted.get(task.suspects[suspect].label, np.inf)
     assert now.bounds is not None
+    assert now.yielding is not None
     lower, upper = now.bounds[:, suspect, :k]
     slack = 2 * std + _SLACK
     low, high = np.maximum(lower, -most) - slack, np.minimum(upper, most) + slack
-    return bool(np.all((value > low) & (value < high)))
+    left, spread = now.yielding.distance(now.size, now.cov)
+    least = -2 * spread - _SLACK * np.linalg.norm(now.yielding.normal, axis=1)
+    return bool(np.all((value > low) & (value < high)) and left[suspect] >= least[suspect])
 
 
 _SLACK = 0.3
@@ -538,32 +550,32 @@ class _Move:
         return merged(suspects, (*some[:at], *self.into, *some[at:]))
 
 
-def _ranked(task: SearchTask, view: Whitened, most: int) -> list[_Move]:
-    """Moves with a gain above `_BETTER`, the largest gain first."""
-    places = range(len(view.model.accepted))
-    outs = [*combinations(places, 1), *combinations(places, 2)]
-    moves = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
-    return sorted(moves, key=lambda one: (-compared(one.gain), one.out, one.into))
-
-
 def _better(
     task: SearchTask, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """The causes after the best possible move to a set not yet tried; None if there is none."""
     accepted = view.model.accepted
     most = 2 if limit and len(accepted) < _MOST else 0
-    asked = 0
-    for move in _ranked(task, view, most):
-        after = move.of(task.suspects, accepted)
-        if frozenset(after) in tried:
-            continue
-        if asked == _ASKED:
-            return None
-        asked += 1
+    outs = [out for count in (1, 2) for out in combinations(range(len(accepted)), count)]
+    gains = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
+    gains.sort(key=lambda one: (-compared(one.gain), one.out, one.into))
+    moves = ((move, move.of(task.suspects, accepted)) for move in gains)
+    fresh = ((move, after) for move, after in moves if frozenset(after) not in tried)
+    for move, after in islice(fresh, _ASKED):
         least = limit if len(move.into) > len(move.out) else 1.0
-        if all(_may_stand(task, view, after, i, least) for i in move.into):
+        possible = all(_may_stand(task, view, after, i, least) for i in move.into)
+        if possible and (not move.into or _gains(task, view, move)):
             return after
     return None
+
+
+def _gains(task: SearchTask, view: Whitened, move: _Move) -> bool:
+    """Whether a move has a gain where those that leave do not act."""
+    gone = [view.model.accepted[place] for place in move.out]
+    rest = [a for a in view.model.accepted if a not in gone]
+    there = task.without(view, {*gone})
+    mine, theirs = (_chained(task, there, rest, causes) for causes in (gone, move.into))
+    return theirs - mine > _BETTER + LEAST_EVIDENCE * (len(move.into) - len(gone))
 
 
 def _may_stand(
@@ -647,7 +659,7 @@ def _rivals(
     out, p_values = [], []
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
-        now = _beside(task, view, rest)
+        now = _beside(task, task.without(view, {accepted[place]}), rest)
         p_values.append(float(now.p()[accepted[place]]))
         out.append(_odds(task, now, rest))
     return tuple(out), tuple(p_values)
@@ -737,9 +749,10 @@ def _instead(task: SearchTask, wide: Whitened, gone: Sequence[int]) -> NamelessR
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
     known = len(task.suspects)
     first, named = None, 0.0
+    view = task.without(wide, {accepted[place] for place in gone})
     for place in gone:
         base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
-        now = wide.beside(base)
+        now = view.beside(base)
         first = now if first is None else first
         named += float(now.log_evidence[accepted[place]])
         rest = (*rest, accepted[place])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
@@ -14,7 +13,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import unnoticed
-from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label, search
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask, search
 from pipeline.diagnosis.causes import (
     missing,
     of_base,
@@ -25,13 +24,11 @@ from pipeline.diagnosis.causes import (
 )
 from pipeline.diagnosis.facts import (
     CrossValidation,
-    Determining,
     Diagnosed,
     Drift,
     Facts,
     FoundCause,
     PossibleCause,
-    SeparatingPose,
     SoleCause,
     UnloadedFacts,
     Unnoticed,
@@ -39,7 +36,6 @@ from pipeline.diagnosis.facts import (
 from pipeline.diagnosis.gain import alone, gain
 from pipeline.diagnosis.hypotheses import hypotheses, too_small
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
 from pipeline.diagnosis.unlisted import with_unlisted_laws
 from pipeline.diagnosis.unloaded_geometry import as_stiff, beside_springs, corrected, from_unloaded
@@ -69,16 +65,20 @@ _SHOWN = 5
 """Maximum number of causes listed as possible sole cause."""
 
 _FURTHER = "pipeline.design.undecided:to_measure"
-"""Proposes the poses to measure next, if the outbuilding `design` is present."""
+"""Proposes the poses to measure next: those that would separate causes, and those that determine
+joints."""
+
+_APART = "pipeline.design.separability:told_apart"
+"""Says how far causes are from each other: `Diagnosed.apart` and what belongs to it."""
 
 _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
-def _to_measure(*of: Any) -> tuple[tuple[SeparatingPose, ...], tuple[Determining, ...]]:
-    """Poses that would separate causes, and those that determine joints, as of `to_measure`."""
-    further = doors.found(_FURTHER)
-    return further(*of) if further else ((), ())
+def _offered(door: str, nothing: Any, *of: Any) -> Any:
+    """What an outbuilding says of a search, or nothing without it."""
+    found = doors.found(door)
+    return found(*of) if found else nothing
 
 
 def diagnose(
@@ -137,7 +137,7 @@ def diagnose(
     facts = replace(facts, unloaded=stood, drift=drift if drifts else None)
     single = _alone(found, worth, rng)
     blind, absent = _unnoticed(whole, found, facts, known)
-    proposed, joints = _to_measure(task, found, causes, worth, known, rng)
+    proposed, joints = _offered(_FURTHER, ((), ()), task, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + of_growth(facts.base) + drifts + held,
@@ -150,7 +150,7 @@ def diagnose(
         equilibrium=task.cell.equilibrium,
         hypotheses=sets,
         **_of_search(found, facts.helps),
-        **_told_apart(task, found, facts.helps),
+        **_offered(_APART, {}, task, found, facts.helps),
         **_left_out(found, worth, facts.helps),
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(task, found, facts.helps),
@@ -212,34 +212,6 @@ def _of_search(found: SearchResult, helps: bool) -> dict[str, Any]:
         "seen": found.seen,
         "settled": found.explains or not found.detected,
     }
-
-
-def _told_apart(task: SearchTask, found: SearchResult, helps: bool) -> dict[str, Any]:
-    """How far causes are from each other, by the first form of each."""
-    every = by_label(task.suspects)
-    main = [forms[0] for forms in every.values()]
-    return {
-        "apart": separation(found.first.M, found.first.base, found.first.at[main]),
-        "apart_labels": tuple(every),
-        "apart_found": _apart_found(task, found, main, helps),
-    }
-
-
-def _apart_found(task: SearchTask, found: SearchResult, main: Sequence[int], helps: bool) -> Array:
-    """`Diagnosed.apart_found`, by the first form of each cause."""
-    labels = [task.suspects[i].label for i in main]
-    out = np.full((len(main), len(main)), np.nan)
-    accepted = found.accepted if helps else ()
-    possible = [
-        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST_OF_RIVALS}
-        for rivals in found.rivals[: len(accepted)]
-    ]
-    apart = separation_found(found.wide, accepted, main, possible)
-    for one, row in zip(accepted, apart, strict=True):
-        if task.suspects[one].label in labels:
-            place = labels.index(task.suspects[one].label)
-            out[place], out[:, place] = row, row
-    return out
 
 
 def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, float]:

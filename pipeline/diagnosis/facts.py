@@ -33,11 +33,6 @@ certain."""
 ALL_SPRINGS = "joint_springs"
 """Label of all joint springs together as the twin of a law."""
 
-_MANY = 10.0
-"""Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
-magnitudes are estimates and hold to a factor of a few (`Effect.source`), so anything beyond an
-order of magnitude is no usual cause."""
-
 
 @dataclass(frozen=True, eq=False)
 class CrossValidation(Locked):
@@ -469,12 +464,6 @@ class FoundCause(Locked):
         """Its largest parameter relative to the typical magnitude."""
         return max(self.amplitudes, key=lambda one: one.times_typical)
 
-    @property
-    def enormous(self) -> EffectSize | None:
-        """Its parameter that certainly exceeds `_MANY` times its typical magnitude, if any."""
-        most = max(self.amplitudes, key=lambda one: one.at_least_typical)
-        return most if most.at_least_typical > _MANY else None
-
 
 @dataclass(frozen=True)
 class SuspectStatistics:
@@ -621,11 +610,6 @@ class Diagnosed(Locked):
         misfits: Places of the misfit in the cell, the largest share first.
         scatter: Scatter found over scatter stated.
         equilibrium: `deformed` where the second order in the load fits better.
-        apart: Separation of suspects of typical magnitude in this campaign [standard deviations],
-            (n, n).
-        apart_labels: Labels of its rows.
-        apart_found: Separation of an identified cause, with its magnitude, from the others; NaN
-            elsewhere, (n, n).
         hypotheses: Springs estimated together with the identified causes, then with each likely set
             of causes in their place; empty where nothing changes the springs.
         too_small: Springs estimated together with each cause that may be present but is too small
@@ -638,6 +622,11 @@ class Diagnosed(Locked):
         stood_off_m: Deviation of the unloaded reflectors from the table, rms [m], and the same with
             the identified causes; NaN where unknown.
         as_stated: What comes nearest with the scale's stated scatter, where a larger one is used.
+        apart: Separation of suspects of typical magnitude in this campaign [standard deviations],
+            (n, n); empty without the outbuilding `design`.
+        apart_labels: Labels of its rows.
+        apart_found: Separation of an identified cause, with its magnitude, from the others; NaN
+            elsewhere, (n, n).
     """
 
     facts: Facts
@@ -656,9 +645,6 @@ class Diagnosed(Locked):
     misfits: tuple[Misfit, ...]
     scatter: ScatterRatio
     equilibrium: str
-    apart: Array
-    apart_labels: tuple[str, ...]
-    apart_found: Array
     hypotheses: tuple[Hypothesis, ...]
     left_out_before_m: Array
     left_out_after_m: Array
@@ -668,6 +654,9 @@ class Diagnosed(Locked):
     stood_off_m: tuple[float, float]
     too_small: tuple[Hypothesis, ...] = ()
     as_stated: CurrentModel | None = None
+    apart: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    apart_labels: tuple[str, ...] = ()
+    apart_found: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def estimate(self) -> Estimate | None:

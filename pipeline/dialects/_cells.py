@@ -10,6 +10,7 @@ from pipeline.base.arrays import Ints
 from pipeline.readers._layout import Layout
 from pipeline.readers._text import Text
 
+DELIMITERS = (",", ";", "\t", "|")
 NUMBER_START = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?")
 _SIGN = r"(?P<sign>[+-]?)"
 _GROUPS = tuple(
@@ -40,6 +41,12 @@ _FEW_ROWS = 5
 """Number of rows up to which a common format of all rows is not assumed [1]."""
 _LOOKED_AT = 50
 """Number of rows before the last that determine the expected length of its last cell [1]."""
+
+
+def delimiter_of(line: str, otherwise: str = DELIMITERS[0]) -> str:
+    """The delimiter of a header line: the most frequent of the known ones."""
+    found = max(DELIMITERS, key=line.count)
+    return found if found in line else otherwise
 
 
 class BadCell(Exception):

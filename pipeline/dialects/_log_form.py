@@ -11,9 +11,16 @@ from unicodedata import normalize
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import recorded, taught, two_lines
-from pipeline.dialects._cells import MARKS, above, bare, is_number, is_plain, is_remark
+from pipeline.dialects._cells import (
+    MARKS,
+    above,
+    bare,
+    delimiter_of,
+    is_number,
+    is_plain,
+    is_remark,
+)
 from pipeline.dialects.two_lines import ALIKE, BELOW, UNITS, parted, with_unit
-from pipeline.readers._layout import delimiter_of
 from pipeline.readers._log_table import Titled
 from pipeline.readers._text import (
     SAMPLE_LINES,

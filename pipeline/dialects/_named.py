@@ -10,9 +10,8 @@ from functools import lru_cache
 from importlib import resources
 
 from pipeline.base.errors import InputError
-from pipeline.dialects._cells import IN_BRACKETS, bare
+from pipeline.dialects._cells import IN_BRACKETS, bare, delimiter_of
 from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
-from pipeline.readers._layout import delimiter_of
 from pipeline.readers._text import Text, shortened
 
 _UNIT_WORDS = UNIT_WORDS | ANGLE_WORDS

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.dialects import _named, _tables
-from pipeline.dialects._cells import bare, is_plain
+from pipeline.dialects._cells import bare, delimiter_of, is_plain
 from pipeline.dialects._named import Header, Named
 from pipeline.dialects._titles import titled
-from pipeline.readers._layout import delimiter_of
 from pipeline.readers._reader import Export
 from pipeline.readers._text import Text, squeezed
 from pipeline.readers.export_settings import Columns, ExportSettings

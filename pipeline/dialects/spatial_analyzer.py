@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.base.errors import InputError, at
 from pipeline.dialects import _named, _tables, table, titled
-from pipeline.dialects._cells import cells_or_none, is_number, is_plain, is_remark
+from pipeline.dialects._cells import DELIMITERS, cells_or_none, is_number, is_plain, is_remark
 from pipeline.dialects._circle import within_a_circle
 from pipeline.dialects._coordinates import (
     AXES,
@@ -34,7 +34,7 @@ from pipeline.dialects._named import Header, Named
 from pipeline.dialects._table_times import form_of
 from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._iso import ISO
-from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
+from pipeline.readers._layout import JOINT, Field, Kind, Layout, TypedRows
 from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import SAMPLE_LINES, Text
 from pipeline.readers.export_settings import ExportSettings

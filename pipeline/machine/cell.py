@@ -250,6 +250,22 @@ _of_springs, _of_suspects = lru_cache(maxsize=256)(_columns), lru_cache(maxsize=
 """Cached `_columns`; they do not depend on the parameter values at which derivatives are taken."""
 
 
+def further_work(effect: Elastic, loaded: Loaded) -> Array:
+    """Work of a small further part of each load, over that part, per unit of each parameter.
+
+    w_k = sum over the virtual joints v of parameter k of tau_v d r_v((1 + s) tau) / ds at s = 0 [J
+    per unit]: that of a linear spring is tau^2. Nothing yields against its load: the sum over all
+    that acts at a joint, each times its parameter, is not negative.
+
+    Returns:
+        Shape (m, k).
+    """
+    tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
+    more, less = (effect.response(loaded, (1 + s) * tau) for s in (_SMALL, -_SMALL))
+    own = np.eye(len(effect.parameters))[list(effect.parameter_of)]
+    return np.asarray((tau * (more - less) / (2 * _SMALL)) @ own)
+
+
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
     """Predict the positions of the targets, unloaded and under load.
 
@@ -377,6 +393,9 @@ def _exponential(w: Array, v: Array) -> tuple[Array, Array]:
 _FARTHEST = 1.0
 """Bound on the deflection of one virtual joint [m] or [rad]; a force that exceeds it has a wrong
 unit, and beyond a radian the fixed-point iteration and the series of `_exponential` diverge."""
+
+_SMALL = 1e-4
+"""Part of its load by which the slope of a law is found [1]."""
 
 _FEW = 256
 """Maximum number of pulls whose loads and columns are cached, about 50 MB in total."""

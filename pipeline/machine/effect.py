@@ -307,6 +307,13 @@ class Elastic(Effect):
         return loaded.configuration.twists[:, slice(at[0], at[-1] + 1) if neighbours else at]
 
     @property
+    def modulates(self) -> bool:
+        """Whether its parameters are parts of compliances, all of either sign, of a pull alone."""
+        units, signed = {p.unit for p in self.parameters}, all(p.lower < 0 for p in self.parameters)
+        slips = self.law is not None and self.law.part == "slips"  # what slipped stays
+        return signed and units <= {"m/N", "rad/(N m)"} and not slips
+
+    @property
     def parameter_of(self) -> tuple[int, ...]:
         """Index of the parameter of each virtual joint."""
         return self.shared or tuple(range(len(self.carrier)))

@@ -13,16 +13,8 @@ import pyarrow as pa
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.readers._iso import ISO
 
-DELIMITERS = (",", ";", "\t", "|")
 JOINT = "::"
 """Separator of collection, group and target in SpatialAnalyzer's names."""
-
-
-def delimiter_of(line: str, otherwise: str = DELIMITERS[0]) -> str:
-    """The delimiter of a header line: the most frequent of the known ones."""
-    found = max(DELIMITERS, key=line.count)
-    return found if found in line else otherwise
-
 
 Kind = Literal["name", "number", "time", "blank", "any"]
 

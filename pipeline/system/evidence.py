@@ -21,6 +21,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.system.score_tests import ScoreTests
+from pipeline.system.yielding import Yielding
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
 """Prior standard deviations of a parameter in its typical size [1]; all have the same weight."""
@@ -58,9 +59,11 @@ class Scores(ScoreTests):
         bounds: Physical bounds of each parameter, in typical sizes, shape (2, n, k).
         log_odds: Natural log of the prior odds of each suspect relative to any other, shape (n,).
         expected: Expected size of each in typical sizes, shape (n,).
+        yielding: Bounds of those that change the compliance of an element; None if none does.
     """
 
     bounds: Array | None = None
+    yielding: Yielding | None = None
     log_odds: Array | float = 0.0
     expected: Array | float = 1.0
 
@@ -75,7 +78,7 @@ class Scores(ScoreTests):
         assert self.bounds is not None  # groups of suspects have none
         N, g = self.N @ self.cov @ self.N, np.einsum("nij,nj->ni", self.N, self.size)
         lower, upper = self.bounds
-        found = _evidence(N, g, self.rest, self.dof, lower, upper, self.expected)
+        found = _evidence(N, g, self.rest, self.dof, lower, upper, self.expected, self.yielding)
         return np.asarray(found + self.log_odds)
 
 
@@ -87,6 +90,7 @@ def _evidence(
     lower: Array,
     upper: Array,
     expected: Array | float = 1.0,
+    yielding: Yielding | None = None,
 ) -> Array:
     """Log of p(y | M_j) / p(y | base), shape (n,).
 
@@ -112,6 +116,13 @@ def _evidence(
     scatter = np.maximum(scatter, _LEAST)
     inside = _log_share(lower, upper, mean, scatter) - _log_share(lower, upper, 0.0, width)
     out = -0.5 * logdet - 0.5 * dof * np.log1p(-q / rest) + inside.sum(axis=-1)
+    if yielding is not None:
+        post, post_std = yielding.distance(mean, inverse)
+        prior, prior_std = yielding.distance(
+            0 * mean, width[..., None] ** 2 * np.eye(k) + 0 * inverse
+        )
+        out += special.log_ndtr(post / (post_std * np.sqrt((rest - q) / max(dof, 1))))
+        out -= special.log_ndtr(prior / prior_std)
     return np.asarray(special.logsumexp(out, axis=0, b=_SHARES[:, None]))
 
 

@@ -28,6 +28,7 @@ from pipeline.system.linearised import CurrentModel, Linearised, accepted_column
 from pipeline.system.score_tests import Base, by_products, left_out, padded
 from pipeline.system.system import Errors, RowIndex
 from pipeline.system.whiten import Whitener, whitener
+from pipeline.system.yielding import Work
 
 _FEWEST = 10
 """Minimum degrees of freedom of a scatter to test against it."""
@@ -157,7 +158,17 @@ class Whitened(Locked):
             return Scores(**vars(found))
         odds = np.array([effect.odds for effect in self.suspects])
         expected = np.array([effect.size for effect in self.suspects])
-        return Scores(**vars(found), bounds=self.bounds, log_odds=np.log(odds), expected=expected)
+        return Scores(
+            **vars(found),
+            bounds=self.bounds,
+            yielding=self._work.bound(self.M if M is None else M, base, at, found),
+            log_odds=np.log(odds),
+            expected=expected,
+        )
+
+    @cached_property
+    def _work(self) -> Work:
+        return Work.of(self.seen, self.suspects, self.typical, self.at.shape[1])
 
     @cached_property
     def at(self) -> Ints:

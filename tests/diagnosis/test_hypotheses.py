@@ -9,10 +9,17 @@ from small_case import asked, small
 
 from pipeline.diagnosis import hypotheses as module
 from pipeline.diagnosis import unlisted
-from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement, remainder, search
+from pipeline.diagnosis.cause_search import (
+    NamelessReplacement,
+    Replacement,
+    _beside,
+    remainder,
+    search,
+)
 from pipeline.diagnosis.diagnose import search_task
 from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
 from pipeline.machine.cell import predict
+from pipeline.machine.effects import catalogue
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +53,18 @@ def test_the_campaign_calls_for_the_tilt(tilted):
     case, found, _ = tilted
 
     assert [case.suspects[i].label for i in found.accepted] == ["joint_tilt:3"]
+
+
+def test_a_gain_of_the_scale_is_not_what_the_cause_does_in_whose_place_it_is(tilted):
+    """Linearised where the tilt acts, a scale that reads half the force is that tilt."""
+    case, found, _ = tilted
+    gain = next(one for one in catalogue(case.cell.robot) if one.label == "scale_gain")
+    wider = replace(case, suspects=(*case.suspects, gain))
+    view, (tilt,) = wider.whitened(wider.linearised(found.seen.model)), found.accepted
+
+    there = view.beside(np.arange(view.first)).drop
+    assert there[-1] == pytest.approx(there[tilt], rel=0.05)
+    assert _beside(wider, wider.without(view, {tilt}), ()).drop[-1] < 0.05 * there[tilt]
 
 
 def test_without_causes_or_worth_there_is_nothing_to_choose_from(tilted):

@@ -10,11 +10,11 @@ from scipy import stats
 
 from bench.league.visible import identifiable
 from pipeline.answer import words
+from pipeline.design.separability import separation, separation_found
 from pipeline.diagnosis.blindspots import needed, smallest_visible, unnoticed, visible
 from pipeline.diagnosis.diagnose import _unnoticed
 from pipeline.diagnosis.facts import DETECTED, SEPARATED, Facts, UnloadedFacts
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load

@@ -537,7 +537,8 @@ def test_every_effect_tells_what_it_is(effect):
     assert effect.source
     for parameter in effect.parameters:
         assert parameter.upper > 0
-        assert parameter.lower in (0, -parameter.upper)  # a compliance, or either sign alike
+        # a compliance, a fraction of a force, or either sign alike
+        assert parameter.lower in (0, -1, -parameter.upper)
         assert parameter.typical < parameter.upper
         said = parameter.meaning.format(joint="A2")
         assert said

@@ -183,6 +183,19 @@ def test_a_gain_that_changes_with_the_direction_of_the_force_may_be_off_everywhe
     assert one.gain_std(np.array([0.0, 0.03, 0.04])) == pytest.approx(0.05 / np.sqrt(3))
 
 
+def test_a_scale_may_read_steep_chains_otherwise_up_and_down_alike():
+    """F (1 - u_z^2) is a gain and the law of second order: the five and that gain are complete."""
+    x, u = KR500.nominal_compliance, PULLS.force / np.linalg.norm(PULLS.force, axis=1)[:, None]
+    one = unlisted.effect(KR500, law("scale", "reading", "smooth", "direction", 0, 2.0, (-1, 1)))
+    whole = sensitivity(CELL, PULLS, x, CELL.effects) @ x
+    made = sensitivity(CELL, PULLS, x, [one]).reshape(-1, 5)
+
+    wanted = (whole * (u[:, 2] ** 2)[:, None, None]).ravel()
+    both = np.column_stack([whole.ravel(), made])
+    left = wanted - both @ np.linalg.lstsq(both, wanted, rcond=None)[0]
+    assert np.linalg.norm(left) < 1e-6 * np.linalg.norm(wanted)
+
+
 def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():
     """One newton along the chain adds displacement over force, whatever the pull."""
     x, at = KR500.nominal_compliance, float(np.median(PULLS.time))

@@ -7,9 +7,10 @@ import pyarrow as pa
 import pytest
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._cells import delimiter_of
 from pipeline.machine.robot import load
 from pipeline.readers import logs, pose_names
-from pipeline.readers._layout import TypedRows, delimiter_of
+from pipeline.readers._layout import TypedRows
 from pipeline.readers._log_table import (
     Log,
     Quantity,

@@ -6,6 +6,7 @@ from scipy import integrate, stats
 
 from pipeline.system.evidence import _EVERY, _SHARES, Scores, _evidence
 from pipeline.system.score_tests import by_products
+from pipeline.system.yielding import Yielding
 
 DOF = 400
 REST = 410.0
@@ -210,6 +211,17 @@ def test_a_spring_that_can_only_give_way_is_believed_on_that_side(side, rows):
         free + np.log(2), abs=0.01
     )
     assert scores(rows, np.array([[2]]), -bounds[::-1]).log_evidence[0] < free - 3
+
+
+@pytest.mark.parametrize("size", [3.0, 6.0, 9.0])
+def test_what_would_make_a_compliance_negative_is_bounded_there(size):
+    """Six typical sizes less, 6 - z >= 0, is the same as a largest size of six."""
+    G, h, free = np.array([[[4.0]]]), np.array([[4.0 * size]]), np.full((1, 1), np.inf)
+    rest = REST + 4.0 * size**2
+    least = Yielding(np.array([6.0]), np.array([[-1.0]]), np.zeros(1))
+
+    found = _evidence(G, h, rest, DOF, -free, free, yielding=least)
+    assert found == pytest.approx(_evidence(G, h, rest, DOF, -free, 6.0 + 0 * h))
 
 
 def test_bounds_hold_for_the_parameter_that_has_them(rows):

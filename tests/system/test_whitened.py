@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.machine.cell import load, paper_cell
 from pipeline.machine.effects import catalogue
+from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.effector import tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -110,6 +111,29 @@ def test_every_suspect_is_generalised_least_squares(given, force_noise, doubt):
             assert found.drop[i] == pytest.approx(rest - chi2, rel=1e-4, abs=1e-6)
             assert found.size[i, :k] == pytest.approx(b[8:], rel=1e-4)
     assert found.rank[HARDENING] == 0
+
+
+@pytest.mark.parametrize(("suspect", "joint"), [(HARDENING + 1, 2), (3, 3)])
+def test_no_size_may_make_a_spring_yield_against_its_load(view, given, suspect, joint):
+    """The compliance left in the pull where there is least, with springs estimated beside it."""
+    plain, effect = view.beside(np.arange(view.first)), given.suspects[suspect]
+    mine, joints = view.columns([suspect]), np.arange(view.first)
+    typical = np.array([p.typical for p in effect.parameters])
+    loaded = load(given.model.cell, given.data.pulls, given.model.values)
+    tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
+    h = 1e-3 * tau
+    slope = (effect.response(loaded, tau + h) - effect.response(loaded, tau - h)) / (2 * h)
+
+    def left(z):
+        c = view.A[:, -1] - view.A[:, mine] @ z
+        spring = np.linalg.lstsq(view.A[:, joints], c, rcond=None)[0][joint - 1]
+        return (spring * view.typical[joint - 1] + slope @ (typical * z)) * tau[:, 0] ** 2
+
+    o, n = (getattr(plain.yielding, name)[suspect] for name in ("offset", "normal"))
+    z = plain.size[suspect, : len(typical)]
+    for size in (z, z + 1.0):
+        assert np.abs(left(size) - (o + n[: len(typical)] @ size)).min() < 1e-5 * o
+    assert not np.isfinite(plain.yielding.offset[0])  # the roll changes no other spring
 
 
 def test_groups_of_suspects_are_tried_together(view, given):

@@ -37,8 +37,8 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
         tolerance=0.1,
         parameters=tuple(
             Parameter(
-                *(name, "rad/(N m)", 0.05 * c, -c, c),
-                "change of the shoulder's compliance with its angle, "
+                *(name, "rad/(N m)", 0.05 * c),
+                meaning="change of the shoulder's compliance with its angle, "
                 f"{name.removeprefix('c_comp_')[:3]} part",
             )
             for name in names

@@ -52,8 +52,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         tolerance=0.005,
         parameters=(
             Parameter(
-                *(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),
-                "half of the difference of both compliances of {joint}",
+                *(f"dc_{joint}", "rad/(N m)", 0.15 * c),
+                meaning="half of the difference of both compliances of {joint}",
             ),
         ),
         signature=f"displacement over force at joint {joint} is constant each way of its torque, "

@@ -48,8 +48,8 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         tolerance=0.2,
         parameters=(
             Parameter(
-                *(f"h_{joint}", "rad/(N m)", 0.15 * c, -0.6 * c, 0.6 * c),
-                "change of the compliance of {joint} with the load",
+                *(f"h_{joint}", "rad/(N m)", 0.15 * c),
+                meaning="change of the compliance of {joint} with the load",
             ),
         ),
         signature=f"displacement over force at joint {joint} changes with the force: "

@@ -35,7 +35,7 @@ def _mass(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_mass"],
         place="force",
-        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5, "correction of the stated mass"),),
+        parameters=(Parameter("g_mass", "1", 0.01, -1.0, meaning="correction of the stated mass"),),
         signature="all that one payload moves is off by the same percentage; another one disagrees",
         needs="the payload on a scale, or the joint torques",
         source="f = m g; 1 % is an estimate",

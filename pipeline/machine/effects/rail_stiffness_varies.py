@@ -63,8 +63,8 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         tolerance=0.15,
         parameters=tuple(
             Parameter(
-                *(name, "m/N", 0.4 * c, -4 * c, 4 * c),
-                (
+                *(name, "m/N", 0.4 * c),
+                meaning=(
                     "change of the drive's compliance from the middle of the rail to its end"
                     if names[1:] == ()
                     else f"amplitude of the drive's compliance between supports, {name[-3:]} part"

@@ -57,7 +57,7 @@ _ALL = (
     _scale(
         "gain",
         "wrong gain",
-        Parameter("g_scale", "1", 0.01, -0.2, 0.2, "correction of the scale's gain"),
+        Parameter("g_scale", "1", 0.01, -1.0, meaning="correction of the scale's gain"),
         _gain,
         signature="all stiffnesses shift by the same percentage; nothing else shows",
         needs="a known dead weight on the scale",
@@ -66,7 +66,7 @@ _ALL = (
     _scale(
         "zero",
         "wrong zero",
-        Parameter("f_zero", "N", 20.0, -np.inf, np.inf, "correction of the scale's zero"),
+        Parameter("f_zero", "N", 20.0, meaning="correction of the scale's zero"),
         _zero,
         signature="displacement over force has an offset at zero force, the same at every pose",
         needs=NEEDS,
@@ -75,7 +75,7 @@ _ALL = (
     _scale(
         "curvature",
         "curvature",
-        Parameter("e_scale", "1", 0.005, -0.1, 0.1, "curvature of the scale at full load"),
+        Parameter("e_scale", "1", 0.005, meaning="curvature of the scale at full load"),
         _curvature,
         signature="displacement over force changes with the force alike at every pose, "
         "whichever joint turns",

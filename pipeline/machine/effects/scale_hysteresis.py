@@ -33,31 +33,29 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
     return (
         _effect(
             "by branch",
-            Parameter("h_scale", "1", 0.005, -0.1, 0.1, "hysteresis of the scale over its reading"),
+            Parameter("h_scale", "1", 0.005, -1.0, 1.0, "hysteresis of the scale over its reading"),
             lambda loaded: loaded.force * loaded.pulls.branch[:, None],
         ),
         _effect(
             "slackening",
             Parameter(
-                "h_down", "1", 0.01, -0.2, 0.2, "difference of the scale's reading on the way down"
+                "h_down", "1", 0.01, -1.0, 1.0, "difference of the scale's reading on the way down"
             ),
             lambda loaded: loaded.force * (loaded.pulls.branch < 0)[:, None],
         ),
         _effect(
             "loop",
-            Parameter("h_loop", "1", 0.01, -0.2, 0.2, "hysteresis of the scale over its reading"),
+            Parameter("h_loop", "1", 0.01, meaning="hysteresis of the scale over its reading"),
             _loop,
         ),
         _effect(
             "constant",
-            Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0, "hysteresis of the scale"),
+            Parameter("f_hysteresis", "N", 10.0, meaning="hysteresis of the scale"),
             lambda loaded: direction(loaded) * loaded.pulls.branch[:, None],
         ),
         _effect(
             "by step",
-            Parameter(
-                "h_step", "1", 0.002, -0.03, 0.03, "change of the scale's reading with each step"
-            ),
+            Parameter("h_step", "1", 0.002, meaning="change of the scale's reading with each step"),
             lambda loaded: loaded.force * (loaded.pulls.repeat[:, None] - 1.0),
         ),
     )

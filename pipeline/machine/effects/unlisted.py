@@ -198,7 +198,7 @@ def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
     yield from _of_force(pulls, "scale", "reading")
     yield from _jumps(pulls, "reading", _ABOVE)
     yield from _jumps(pulls, "zero", _BELOW)
-    yield Law("scale", "reading", "smooth", "direction", 0, 1.0, -1.0, 1.0)
+    yield from (Law("scale", "reading", "smooth", "direction", 0, k, -1.0, 1.0) for k in (1.0, 2.0))
     if _varies(pulls.time) and np.isfinite(pulls.time_zero).all():
         for power in (0.5, 2.0):
             yield Law("tracker", "place", "smooth", "time", 0, power, *_ends(pulls.time))
@@ -667,13 +667,13 @@ def _of_scale(law: Law) -> Effect:
     by a constant in addition, of the size of the change.
     """
     zero, by_direction = law.part == "zero", law.variable == "direction"
-    k = 3 if by_direction else _width(law, False)
+    k = (3 if law.order == 1.0 else 5) if by_direction else _width(law, False)
     ends = np.array([law.low, law.high])
     middle = 0.0 if zero or by_direction else _basis(law, ends).mean(axis=0)
 
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
         along = direction(loaded) if zero else loaded.force
-        g = direction(loaded) if by_direction else _basis(law, variable(law, loaded)) - middle
+        g = _aslant(law, loaded) if by_direction else _basis(law, variable(law, loaded)) - middle
         return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
     unit, typical = ("N", _ZERO_N) if zero else ("1", 0.01)
@@ -683,6 +683,13 @@ def _of_scale(law: Law) -> Effect:
         gain_std=lambda values: 0.0 if zero else _uniform(law, values),
         zero_std=lambda values: 2 * _uniform(law, values) if zero else 0.0,
     )
+
+
+def _aslant(law: Law, loaded: Loaded) -> Array:
+    """Harmonics of the direction of the force: of first order odd in it, of second even, (m, k)."""
+    x, y, z = direction(loaded).T
+    of = [x, y, z] if law.order == 1.0 else [x * y, y * z, z * x, x * x - y * y, z * z - 1 / 3]
+    return np.stack(of, axis=1)
 
 
 def _uniform(law: Law, values: Array) -> float:

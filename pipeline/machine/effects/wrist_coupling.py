@@ -24,8 +24,8 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
     def parameter(one: int, other: int) -> Parameter:
         mean = float(np.sqrt(compliance(robot, one) * compliance(robot, other)))
         return Parameter(
-            *(f"c_{one}{other}", "rad/(N m)", 0.05 * mean, -mean, mean),
-            f"compliance that couples joints {one} and {other}",
+            *(f"c_{one}{other}", "rad/(N m)", 0.05 * mean),
+            meaning=f"compliance that couples joints {one} and {other}",
         )
 
     def response(loaded: Loaded, torque: Array) -> Array:

@@ -3,15 +3,46 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
+from pipeline.diagnosis.cause_search import SearchResult, SearchTask, by_label
+from pipeline.diagnosis.diagnose import LEAST_OF_RIVALS
 from pipeline.system.elimination import eliminate
 from pipeline.system.evidence import WIDTHS
 from pipeline.system.score_tests import left_beside
 from pipeline.system.whitened import Whitened
+
+
+def told_apart(task: SearchTask, found: SearchResult, helps: bool) -> dict[str, Any]:
+    """How far causes are from each other, by the first form of each: parts of `Diagnosed`."""
+    every = by_label(task.suspects)
+    main = [forms[0] for forms in every.values()]
+    return {
+        "apart": separation(found.first.M, found.first.base, found.first.at[main]),
+        "apart_labels": tuple(every),
+        "apart_found": _apart_found(task, found, main, helps),
+    }
+
+
+def _apart_found(task: SearchTask, found: SearchResult, main: Sequence[int], helps: bool) -> Array:
+    """`Diagnosed.apart_found`, by the first form of each cause."""
+    labels = [task.suspects[i].label for i in main]
+    out = np.full((len(main), len(main)), np.nan)
+    accepted = found.accepted if helps else ()
+    possible = [
+        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST_OF_RIVALS}
+        for rivals in found.rivals[: len(accepted)]
+    ]
+    apart = separation_found(found.wide, accepted, main, possible)
+    for one, row in zip(accepted, apart, strict=True):
+        if task.suspects[one].label in labels:
+            place = labels.index(task.suspects[one].label)
+            out[place], out[:, place] = row, row
+    return out
 
 
 def separation(M: Array, base: Ints, at: Ints) -> Array:
