@@ -15,6 +15,7 @@ from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.quantities import with_std
+from pipeline.library.folders import replace_folder
 from pipeline.library.model import (
     Model,
     PositionModel,
@@ -110,7 +111,7 @@ class Campaign:
         folder = Path(root) / "data" / "raw" / self.name
         if folder.exists():
             raise UsageError(f"{folder} is there already: load the files under another name")
-        files.replace_folder(folder, self.files)
+        replace_folder(folder, self.files)
         return folder
 
 

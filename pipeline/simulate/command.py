@@ -109,6 +109,7 @@ def write(
         UsageError: The campaign exists already, or the truth would lie in a raw folder.
         InputError: The plan cannot be carried out.
     """
+    from pipeline.library.folders import replace_folder
     from pipeline.simulate.library import carried_out, plan_for
     from pipeline.store.campaign import dump
 
@@ -123,7 +124,7 @@ def write(
     made = carried_out(wanted, plan)
     digests = {inner: files.sha256(data) for inner, data in made.files.items()}
     files.write(sealed, dump({**made.truth, "files": digests}))
-    files.replace_folder(folder, made.files)
+    replace_folder(folder, made.files)
     return root / "data" / "raw" / wanted.name, sealed
 
 

@@ -69,20 +69,6 @@ def test_a_file_in_the_way_of_a_folder_is_named(tmp_path: Path) -> None:
         files.write(tmp_path / "a" / "b" / "c", b"")
 
 
-def test_a_folder_is_placed_whole(tmp_path: Path) -> None:
-    """The old content is gone, nothing else is beside it."""
-    for content in ({"a": b"1", "in/b": b"2"}, {"a": b"3"}):
-        files.replace_folder(tmp_path / "f", content)
-
-        found = {
-            str(one.relative_to(tmp_path / "f")): one.read_bytes()
-            for one in (tmp_path / "f").rglob("*")
-            if one.is_file()
-        }
-        assert found == content
-        assert [one.name for one in tmp_path.iterdir()] == ["f"]
-
-
 def test_only_unfinished_files_are_swept(tmp_path: Path) -> None:
     """At any depth; files with other names and folders stay."""
     kept = ("a.csv", ".hidden", ".a.csv.1234567", "in/b.csv")
