@@ -81,6 +81,13 @@ def test_sites_are_in_functions_and_not_in_strings() -> None:
     )
 
 
+def test_a_length_that_follows_from_the_others_is_no_site() -> None:
+    """Any negative number means the same to numpy."""
+    source = "def f(a):\n    return a[-1].reshape(3, -1) - a.sum(-1)"
+    kinds = [site.kind for _, _, sites in functions(source) for site in sites]
+    assert sorted(kinds) == ["number", "number", "number", "operator"]
+
+
 def test_an_argument_that_only_checks_is_no_site() -> None:
     source = "def f(a, b):\n    return zip(a.sum(keepdims=True), b, strict=True)"
     ((_, _, sites),) = functions(source)
