@@ -245,6 +245,9 @@ def test_a_path_is_decided_stretch_by_stretch() -> None:
     ]
     assert [s.deflection_mm for s in path.stretches] == pytest.approx([3, 9, 8])
     assert [s.std_mm for s in path.stretches] == pytest.approx([0.2, 0.3, 0.4])
+    tight = SimpleNamespace(deflection_mm=3.0, path=None)
+    assert tolerance_entry(tight, PoseOfInterest(np.zeros(7), np.ones(3), stated=True),
+                           judged([4e-3], [1e-4])).test_pose == FAIL  # fmt: skip
     bare = SimpleNamespace(deflection_mm=5.0, path=None)
     assert tolerance_entry(bare, where, judged([4e-3], [1e-4])).path is None
     assert tolerance_entry(None, where, judged([4e-3], [1e-4])) is None

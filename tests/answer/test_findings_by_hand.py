@@ -240,8 +240,8 @@ LOOK = {"worst_target": "P7", "worst_pose": 12, "worst_m": 0.0042}
         ),
         (
             Finding.PREDICTS_NOTHING,
-            facts(bounds=Bounds(left=0.42, **LOOK)),
-            "The model leaves 42 % of the squared displacements: do not predict with it. Look "
+            facts(bounds=Bounds(left=0.85, **LOOK)),
+            "The model leaves 85 % of the squared displacements: do not predict with it. Look "
             "first at P7 of pose 12, where the model leaves 4.2 mm.",
         ),
         (
@@ -500,6 +500,7 @@ def test_mistakes_are_counted_and_placed():
         ((first, bare), "; 1 more error was found: mixed-up unit at b"),
         ((first, bare, bare), "; 2 more errors were found: mixed-up unit at b"),
         ((first, *more[:3]), f"; 3 more errors were found: {words.listed(places)}"),
+        ((first, *more[:4]), f"; 4 more errors were found: {', '.join(places)} and 1 more"),
         ((first, *more), f"; 5 more errors were found: {', '.join(places)} and 2 more"),
     ]
     for mistakes, said in rows:
@@ -695,3 +696,4 @@ def test_the_worst_known_stiffness_may_be_known_exactly():
     """An uncertainty of nothing is the best, not the worst."""
     each = [Some(value=1e6, relative_std=std) for std in (0.0, 0.1, 0.05)]
     assert words.worst_known(each) is each[1]
+    assert words.worst_known([Some(value=1e6, relative_std=None)]) is None

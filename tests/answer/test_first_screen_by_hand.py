@@ -114,6 +114,7 @@ def test_what_the_answer_is_compared_with(model, facts, said):
     ("reason", "model", "fit", "effects", "said"),
     [
         (Reason.ADEQUATE, "joint_springs", {}, (), "Joint springs explain the readings."),
+        (Reason.ADEQUATE, "joint_springs", {"dof": 1}, (), "Joint springs explain the readings."),
         (
             Reason.ADEQUATE,
             "joint_springs",
@@ -548,7 +549,7 @@ SMALL, LARGE = target("P1", 0.3, 0.0, -0.4), target("P2", 0.6, 0.0, -0.8)
         ((SMALL, LARGE), (SMALL, target("P2", 0.0, 1.0, 0.0001)), []),
         ((SMALL,), (), []),
         ((), (), []),
-        ((SMALL, target("P2", None, 0.0, 0.0)), (SMALL, LARGE), []),
+        ((SMALL, target("P2", None, 0.0, 0.0)), (LARGE, LARGE), []),
         ((SMALL, target("P2", None, 0.0, 0.0)), (LARGE, target("P2", None, 0.0, 0.0)), []),
     ],
 )  # fmt: skip

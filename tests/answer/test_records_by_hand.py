@@ -147,7 +147,7 @@ def proposed(**more):
     of = {
         "q": np.array([8.54321, *np.deg2rad([-10.12346, 35.0, 39.0, 81.0, 22.0, -12.5])]),
         "anchor": np.array([1.23456, -2.34567, 0.12349]),
-        "force": np.array([0.0, 1818.3, -2424.4]),
+        "force": np.array([100.0, 1818.3, -2422.4]),
         "steps": 4,
         "approach": -1.0,
     }
@@ -162,8 +162,8 @@ def test_a_proposed_pose_is_recorded_as_it_is_to_be_measured():
     assert entry.q == (8.5432, -10.1235, 35, 39, 81, 22, -12.5)
     assert entry.q_unit == ("m", *["deg"] * 6)
     assert entry.anchor_m == (1.235, -2.346, 0.123)
-    assert entry.direction == (0.0, 0.6, -0.8)
-    assert (entry.force_n, entry.steps, entry.approach) == (3030.0, 4, -1.0)  # 3030.5 N
+    assert entry.direction == (0.033, 0.6, -0.799)
+    assert (entry.force_n, entry.steps, entry.approach) == (3031.0, 4, -1.0)  # 3030.56 N
     assert (entry.separates, entry.pose) == (("a", "b"), 3)
     assert (entry.sigmas_before, entry.sigmas_after) == (1.25, 4.75)
     assert [axis.name for axis in entry.axes] == list(RAIL.controller)
@@ -656,11 +656,11 @@ def springs(value, std, known=(True, True), cov=None):
 @pytest.mark.parametrize(("turns", "way"), [(1, "plus"), (-1, "minus"), (0, None)])
 def test_one_of_two_stiffnesses_is_the_inverse_of_its_compliance(turns, way):
     """With its own interval; no value where it is unknown or negative."""
-    found = springs([4.0, 5.0], [0.25, 0.5])
+    found = springs([4.0, 0.5], [0.25, 0.05])
     one = stiffness._one_way(found, 1, turns)
-    assert (one.value, one.std) == pytest.approx((0.2, 0.5 / 25))
-    assert one.ci95 == pytest.approx((1 / 7, 1 / 3.5))
-    assert (one.compliance, one.compliance_std, one.axis_turns) == (5.0, 0.5, way)
+    assert (one.value, one.std) == pytest.approx((2.0, 0.2))
+    assert one.ci95 == pytest.approx((1 / 0.7, 1 / 0.35))
+    assert (one.compliance, one.compliance_std, one.axis_turns) == (0.5, 0.05, way)
     for odd in (springs([4, -5.0], [0.25, 0.5]), springs([4.0, 5], [0.2, 0.5], (True, False))):
         one = stiffness._one_way(odd, 1, turns)
         assert (one.value, one.std) == (None, None)
