@@ -23,6 +23,7 @@ from pipeline.machine.effects import (
     joint_hysteresis,
     joint_lost_motion,
     nameless,
+    payload,
     rail_backlash,
     scale_hysteresis,
     target_moved,
@@ -347,7 +348,7 @@ def test_screws_of_more_than_half_a_radian_move_as_matrix_exponentials():
 
 
 def test_the_order_of_springs_does_not_matter():
-    """Of a deflected robot with joints, a soft base and a tilting bearing, however they stand."""
+    """But for the second order of what one carrier has: joints, a soft base, a tilting bearing."""
     springs, tilt, roll = baseline(RAIL)[0], only(EVERY, label="joint_tilt:3", form=""), only(
         EVERY, name="rail_roll"
     )  # fmt: skip
@@ -361,8 +362,8 @@ def test_the_order_of_springs_does_not_matter():
         small = pulls(force=1e-3 * FORCE)
         bent, straight = (predict(one, small, x).displacement for one in (cell, flat))
         np.testing.assert_allclose(bent, straight, atol=2e-5 * np.abs(straight).max())
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
-    np.testing.assert_allclose(found[2], found[0], rtol=1e-9)
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], atol=1e-3 * np.abs(found[0]).max())
 
 
 def test_nameless_effects_have_sizes_of_the_springs_that_they_stand_beside():
@@ -463,3 +464,102 @@ def test_nameless_laws_by_hand():
     own = K[0] / K
     expected = np.stack([0 * own, own * tau[1] * (1 - keeps) * share])
     np.testing.assert_allclose(memory.response(one, tau), expected)
+
+
+def test_payloads_are_heavier_or_elsewhere_by_their_own_share():
+    """Of two bodies only the one; its mass only if something else loads the robot, too."""
+    body = np.array(["gun", "box"], object)
+    both = pulls(by=np.array([MOUNTED, MOUNTED]), body=body)
+    alone = pulls(by=np.array([MOUNTED, MOUNTED]), body=np.array(["gun", "gun"], object))
+    mixed = pulls(by=np.array([MOUNTED, PULLED]), body=np.array(["gun", ""], object))
+    labels = [[one.label for one in payload.effects(each)] for each in (both, alone, mixed)]
+    assert labels == [
+        ["payload_mass:box", "payload_mass:gun", "payload_center:box", "payload_center:gun"],
+        ["payload_center:gun"],
+        ["payload_mass:gun", "payload_center:gun"],
+    ]  # fmt: skip
+    assert payload.effects(pulls()) == ()
+    _, mass, _, centre = payload.effects(both)
+    at = here(by=np.array([MOUNTED, MOUNTED]), body=body)
+    point, force = mass.wrench(at, np.array([0.04]))
+    np.testing.assert_allclose(force, FORCE * [[1.04], [1.0]])
+    np.testing.assert_allclose(point, at.load_point)
+    d = np.array([0.01, -0.02, 0.03])
+    point, force = centre.wrench(at, d)
+    np.testing.assert_allclose(force, FORCE)
+    moved = configure(RAIL, Q).flange_axes[0] @ d
+    np.testing.assert_allclose(point - at.load_point, [moved, np.zeros(3)], atol=1e-12)
+    assert [(p.typical, p.lower, p.upper) for p in mass.parameters] == [(0.01, -0.5, 0.5)]
+    assert {(p.typical, p.lower, p.upper) for p in centre.parameters} == {(5e-3, -0.5, 0.5)}
+    assert mass.of == centre.of == (MOUNTED,)
+
+
+def test_every_element_has_as_many_screws_as_parameters_need():
+    """Each parameter is that of some virtual joint, each response as wide as the screws."""
+    rng = np.random.default_rng(3)
+    at = here(time=np.array([0.0, 600.0]), branch=np.array([1.0, -1.0]))
+    every = (*EVERY, *nameless.competing(RAIL))
+    for one in (part for whole in every for part in whole.facets):
+        if not isinstance(one, Elastic):
+            continue
+        v = len(one.carrier)
+        assert one.screws(at).shape == (2, v, 6), one.label
+        tau = 100 * rng.normal(size=(2, v))
+        assert one.response(at, tau).shape == (2, v), one.label
+        assert sorted({*one.parameter_of}) == [*range(len(one.parameters))], one.label
+        assert all(0 <= carrier <= 7 for carrier in one.carrier)
+    beam = only(EVERY, label="link_bending:forearm", form="beam")
+    assert (beam.carrier, beam.shared, beam.bears) == ((4,) * 4, (0, 1, 0, 1), 6)
+    hinge = only(EVERY, label="link_bending:upper_arm", form="hinge")
+    assert (hinge.carrier, hinge.shared, hinge.bears) == ((3,) * 2, (), 4)
+    tilt = only(EVERY, label="joint_tilt:5", form="oblique")
+    assert tilt.shared == (0, 1, 2, 2)
+    np.testing.assert_array_equal(
+        tilt.response(at, np.arange(8.0).reshape(2, 4)), [[0, 1, 1, 0], [4, 5, 5, 4]]
+    )
+    talk = next(one for one in nameless.nameless(RAIL) if one.name == "cross_talk")
+    assert talk.shared == (0, 0)
+
+
+def test_a_bent_link_turns_about_its_middle_and_shifts_its_end():
+    """By the moment there, and a twelfth of its squared length times the force."""
+    at, (axes, start) = here(), here().configuration.frame(3)
+    end = here().configuration.frame(4)[1]
+    beam = only(EVERY, label="link_bending:upper_arm", form="beam")
+    link = end - start
+    z = axes[:, :, 2]
+    link = link - np.sum(link * z, axis=1, keepdims=True) * z
+    length = np.linalg.norm(link, axis=1, keepdims=True)
+    side = np.cross(z, link / length)
+    middle = (start + end) / 2
+    screws = beam.screws(at)
+    for k, turn in enumerate((z, side)):
+        np.testing.assert_allclose(screws[:, k, :3], turn, atol=1e-12)
+        stays = screws[:, k, 3:] + np.cross(turn, middle)
+        np.testing.assert_allclose(stays, 0, atol=1e-12)
+    for k, shift in ((2, side), (3, z)):
+        np.testing.assert_allclose(screws[:, k, 3:], shift, atol=1e-12)
+        assert not screws[:, k, :3].any()
+    tau = np.arange(1.0, 9.0).reshape(2, 4)
+    expected = tau * np.concatenate([np.ones((2, 2)), np.repeat(length**2 / 12, 2, 1)], axis=1)
+    np.testing.assert_allclose(beam.response(at, tau), expected)
+
+
+def test_bodies_on_a_link_bend_it_by_the_square_of_how_far_out_they_are():
+    """Half way if nobody states where; no more than at its end, no less than at its root."""
+    assert only(EVERY, label="link_bending:upper_arm", form="beam").between == pytest.approx(
+        (0.25,)
+    )
+    assert only(EVERY, label="link_bending:forearm", form="beam").between == pytest.approx(
+        (0.25,) * 2
+    )
+    for where, near, far in (("upper_arm", 2, 3), ("forearm", 3, 5)):
+        one = only(catalogue(UR), label=f"link_bending:{where}", form="beam")
+        now = configure(UR, np.zeros((1, 6)))
+        (_, start), (_, end) = now.frame(near), now.frame(far)
+        link, squares = (end - start)[0], []
+        for k in range(near, far):
+            axes, origin = now.frame(k)
+            at = (origin + axes @ np.array(UR.joints[k - 1].centre_of_mass_m) - start)[0]
+            squares.append(min(max(at @ link / (link @ link), 0.0), 1.0) ** 2)
+        assert one.between == pytest.approx(squares)
