@@ -242,7 +242,7 @@ def test_links_deflect_the_joints_by_the_work_of_their_weight():
     assert read(2, 2)._bent(q).shape == (1, 7, 0)
 
 
-def test_combinations_of_links_are_those_that_move_the_reflectors():
+def test_combinations_of_links_are_those_that_move_the_reflectors(monkeypatch):
     """Orthonormal, uncorrelated in the readings, and each moves them by more than a micrometre."""
     zeros = read(5, 3, weighs=True)
     V = zeros._principal
@@ -255,8 +255,11 @@ def test_combinations_of_links_are_those_that_move_the_reflectors():
     assert np.sqrt(np.diag(squares) / 15).min() > 1e-6
     correlated = squares / np.sqrt(np.outer(np.diag(squares), np.diag(squares)))
     np.testing.assert_allclose(correlated, np.eye(len(squares)), atol=1e-4)
-    every = np.linalg.svd(moved, compute_uv=False)
-    assert V.shape[1] == np.sum(every / np.sqrt(15) > 1e-6)
+    every = np.linalg.svd(moved, compute_uv=False) / np.sqrt(15)
+    assert V.shape[1] == np.sum(every > 1e-6)
+    for k in (2, 5):
+        monkeypatch.setattr(module, "_UNMOVED_M", np.sqrt(every[k] * every[k + 1]))
+        assert replace(zeros)._principal.shape[1] == k + 1
 
 
 def test_screws_move_targets_and_turn_them():
