@@ -216,3 +216,106 @@ def test_cables_leave_a_range_or_are_refused(lower, upper, most, ends):
         return
     low, high = turns(robot, Surrounded.model_validate(cell))
     assert (low[2], high[2]) == pytest.approx(tuple(np.deg2rad(ends)))
+
+
+def test_axes_and_joints_of_a_user_are_read_by_their_number():
+    """Of the controller in mm and degrees; of a robot that maps none its joints."""
+    mapped = RAIL.from_controller([8500.0, 10, 20, 30, 40, 50, 60])
+    axes_si = np.array([8.5, *np.deg2rad([10, 20, 30, 40, 50, 60])])
+    expected = RAIL.controller_matrix @ axes_si + RAIL.controller_offset
+    np.testing.assert_allclose(mapped, expected)
+    bare = replace(RAIL, controller=(), controller_matrix=np.zeros((7, 0)))
+    np.testing.assert_allclose(bare.from_controller([8500.0, 10, 20, 30, 40, 50, 60]), axes_si)
+    np.testing.assert_allclose(bare.from_degrees([8.5, 10, 20, 30, 40, 50, 60]), axes_si)
+    twice = RAIL.from_controller([[8500.0, 10, 20, 30, 40, 50, 60]] * 2)
+    np.testing.assert_allclose(twice, [expected, expected])
+    for robot, first in ((RAIL, RAIL.controller[0]), (bare, RAIL.joints[0].name)):
+        for wrong in ([1.0] * 6, [[[1.0] * 7]], 1.0):
+            with pytest.raises(InputError, match="axes has shape") as told:
+                robot.from_controller(wrong)
+            assert first in told.value.way_out
+        with pytest.raises(InputError, match="axes is no array of numbers"):
+            robot.from_controller(["x"] * 7)
+    assert UR.slides.tolist() == [False] * 6
+    assert RAIL.slides.tolist() == [True] + [False] * 6
+    np.testing.assert_allclose(RAIL.down, [0, 0, -1])
+    assert RAIL.under(RAIL.gravity.copy()) is RAIL
+
+
+def controlled(**more):
+    """A robot file of a slide and a turn, with axes of a controller."""
+    of = {
+        "format": 1, "name": "r", "description": "d", "convention": "craig", "source": "s",
+        "joint": [{"name": "r1", "type": "prismatic"}, {"name": "t2", "type": "revolute"}],
+        "controller": {"axes": ["E1", "A1"], "matrix": [[1, 0], [0, -1]]},
+    }  # fmt: skip
+    return mdh.of_table(of | more, "", "r.toml")
+
+
+@pytest.mark.parametrize(
+    ("controller", "said"),
+    [
+        ({"axes": ["E1"], "matrix": [[1, 0], [0, 1]]}, "has shape \\(2, 2\\), not 2 joints x 1"),
+        ({"axes": ["E1", "A1"], "matrix": []}, "has shape \\(0, 0\\), not 2 joints x 2"),
+        ({"axes": ["E1", "A1"], "matrix": [[1, 0], [0, 1]], "offset_deg": [0]},
+         "offset_deg has 1 values, not 2"),
+        ({"axes": ["E1", "A1"], "matrix": [[1, 0], [0, 1]], "offset_deg": [5, 0]},
+         "has 5 for r1, which is prismatic"),
+        ({"axes": ["E1", "T2"], "matrix": [[1, 0], [0, -1]]}, "joint t2 = -1 T2, so"),
+        ({"axes": ["E1", "T2"], "matrix": [[1, 1], [0, 1]]}, "t2 is a joint, and T2 an axis"),
+        ({"axes": ["E1", "T2"], "matrix": [[1, 0], [0, 1]], "offset_deg": [0, 90]},
+         r"joint t2 = \+1 T2 \+90 deg, so"),
+    ],
+)  # fmt: skip
+def test_a_controller_that_does_not_fit_is_refused(controller, said):
+    """Its size, an offset of a slide, and a name that means two things."""
+    with pytest.raises(InputError, match=said):
+        controlled(controller=controller)
+
+
+def test_a_controller_that_fits_is_taken():
+    """Offsets in degrees; a name that means the same twice is fine; none is none."""
+    one = controlled()
+    assert one.controller == ("E1", "A1")
+    assert one.controller_offset.tolist() == [0.0, 0.0]
+    same = {"axes": ["R1", "T2"], "matrix": [[1, 0], [0, 1]]}
+    assert controlled(controller=same).controller == ("R1", "T2")
+    turned = {"axes": ["E1", "A1"], "matrix": [[1, 0], [0, 1]], "offset_deg": [0, 90]}
+    np.testing.assert_allclose(controlled(controller=turned).controller_offset, [0, np.pi / 2])
+    bare = controlled(controller=None)
+    assert (bare.controller, bare.controller_matrix.shape) == ((), (2, 0))
+    twice = [{"name": "t", "type": "revolute"}, {"name": "t", "type": "revolute"}]
+    with pytest.raises(InputError, match="joint names t, t are not unique"):
+        controlled(controller=None, joint=twice)
+    rough = controlled(length_sigma_m=1e-3, angle_sigma_deg=0.1)
+    assert rough.roughness == pytest.approx((1e-3, np.deg2rad(0.1)))
+    assert np.isnan(controlled().roughness).all()
+
+
+@pytest.mark.parametrize(
+    ("joint", "said"),
+    [
+        ({"type": "prismatic", "lower_deg": 1.0}, "the other unit"),
+        ({"type": "revolute", "stiffness_n_per_m": 1e6}, "the other unit"),
+        ({"type": "revolute", "stiffness_range_nm_per_rad": (2e5, 2e5)}, "does not go upwards"),
+        ({"type": "revolute", "lower_deg": 10.0, "upper_deg": 10.0}, "is not below upper"),
+        ({"type": "prismatic", "lower_m": 2.0, "upper_m": 1.0}, "is not below upper"),
+    ],
+)
+def test_a_row_that_contradicts_itself_is_refused(joint, said):
+    """Units of the other kind, ranges and limits that are none."""
+    with pytest.raises(ValueError, match=said):
+        mdh.Joint(name="j1", **joint)
+
+
+def test_letters_of_another_convention_are_refused():
+    """Khalil has d and r, the others a and d."""
+    for convention, letter in (("khalil", "a_m"), ("craig", "r_m"), ("standard", "r_m")):
+        rows = [{"name": "t1", "type": "revolute", letter: 0.1}]
+        with pytest.raises(InputError, match=f"convention {convention} has"):
+            controlled(controller=None, convention=convention, joint=rows)
+    khalil = mdh.Joint(name="t1", type="revolute", d_m=0.1, r_m=0.2)
+    craig = mdh.Joint(name="t1", type="revolute", a_m=0.1, d_m=0.2)
+    for row, convention in ((khalil, "khalil"), (craig, "craig"), (craig, "standard")):
+        assert mdh.along_x(row, convention)[0, 3] == 0.1
+        assert mdh.along_z(row, convention)[2, 3] == 0.2
