@@ -17,7 +17,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers._log_table import Log
 from pipeline.readers.pose_names import coded
-from pipeline.reduction import course, digits, expected, ingest, measured, settings
+from pipeline.reduction import course, digits, expected, forces, ingest, measured, settings
 from pipeline.reduction._index import found, means, numbered, places, pull_number, run
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.settings import AskedPose, Scale, Settings
@@ -647,3 +647,40 @@ def test_priors_are_those_of_other_campaigns():
     for of_, there in ((case_of(), True), (anchored, False)):
         names = {one.name for one in expected.expected(of_, data_of())}
         assert ("chain_offset" in names) == there
+
+
+@pytest.mark.parametrize(("sigma", "std"), [(2.0, np.sqrt(4 + 100 / 12)), (1000.0, 1000.0)])
+def test_the_division_of_a_scale_counts_where_it_is_not_negligible(sigma, std):
+    """Six readings to ten newtons; beside a kilonewton nobody sees that."""
+    reading = np.array([2000.0, 2010, 2030, 2060, 2100, 2150])
+    ends = [(pose, end, x) for pose in range(6) for end, x in (("Pl1", 0.0), ("Pl2", 3.0))]
+    placed = pd.DataFrame(ends, columns=["pose", "target", "x_m"]).assign(
+        repeat=1, state="loaded", y_m=0.0, z_m=1.0, time_s=5.0,
+        **dict.fromkeys(covariance.columns(), 0.0),
+    )  # fmt: skip
+    for name in ("cxx_m2", "cyy_m2", "czz_m2"):
+        placed[name] = 1e-10
+    loads = pd.DataFrame({"pose": range(6), "repeat": 1, "force_n": reading, "branch": "up"})
+    loads = loads.assign(payload=None, mass_kg=np.nan, mass_sigma_kg=0.0)
+    told = forces.forces(of(scale={"sigma_n": sigma}), placed, loads)
+    np.testing.assert_allclose(told["reading_std_n"], std)
+    np.testing.assert_allclose(told["fx_n"], reading)
+
+
+@pytest.mark.parametrize(
+    ("instrument", "fine"),
+    [
+        ({"measures": "poses", "sigma_rad": 1e-5}, True), ({"measures": "poses"}, True),
+        ({"measures": "points", "sigma_rad": 1e-5}, False), ({}, True),
+    ],
+)  # fmt: skip
+def test_a_rotation_has_an_uncertainty_where_poses_are_measured(instrument, fine):
+    """Points have none."""
+    tool = MINIMAL["tool"] | {"P3": (0.1, 0.3, 0.4)}
+    if fine:
+        assert of(tool=tool, instrument=instrument).instrument.sigma_rad == instrument.get(
+            "sigma_rad"
+        )
+        return
+    with pytest.raises(ValidationError, match="sigma_rad is that of a pose"):
+        of(tool=tool, instrument=instrument)
