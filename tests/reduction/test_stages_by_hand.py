@@ -17,7 +17,16 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers._log_table import Log
 from pipeline.readers.pose_names import coded
-from pipeline.reduction import course, digits, expected, forces, ingest, measured, settings
+from pipeline.reduction import (
+    course,
+    digits,
+    expected,
+    forces,
+    ingest,
+    measured,
+    register,
+    settings,
+)
 from pipeline.reduction._index import found, means, numbered, places, pull_number, run
 from pipeline.reduction.idle import Idle
 from pipeline.reduction.settings import AskedPose, Scale, Settings
@@ -684,3 +693,23 @@ def test_a_rotation_has_an_uncertainty_where_poses_are_measured(instrument, fine
         return
     with pytest.raises(ValidationError, match="sigma_rad is that of a pose"):
         of(tool=tool, instrument=instrument)
+
+
+@pytest.mark.parametrize(
+    ("places", "said"),
+    [
+        ([(0, 0, 0), (4, 0, 0), (0, 3, 0)], None),
+        ([(0, 0, 0), (4, 0, 0), (8, 4e-3, 0)], "lie on one line"),
+        ([(0, 0, 0), (4, 0, 0), (8, 4e-2, 0)], None),
+        ([(0, 0, 0), (4e-3, 0, 0), (0, 3e-3, 0)], "are all in one place"),
+        ([(0, 0, 0), (4, 0, 0)], "only 2 base reflectors were measured"),
+    ],
+)
+def test_base_reflectors_are_three_beside_a_line(places, said):
+    """By a thousandth of their extent at least."""
+    base = pd.DataFrame({"target": [f"B{k}" for k in range(len(places))]})
+    if said is None:
+        return register._enough(base, np.array(places, float))
+    with pytest.raises(InputError, match=said):
+        register._enough(base, np.array(places, float))
+    return None
