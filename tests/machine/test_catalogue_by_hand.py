@@ -563,3 +563,16 @@ def test_bodies_on_a_link_bend_it_by_the_square_of_how_far_out_they_are():
             at = (origin + axes @ np.array(UR.joints[k - 1].centre_of_mass_m) - start)[0]
             squares.append(min(max(at @ link / (link @ link), 0.0), 1.0) ** 2)
         assert one.between == pytest.approx(squares)
+
+
+def test_a_tracker_drifts_steadily_or_until_it_is_warm():
+    """After an hour 3600 v, and a (1 - 1/e) at a time constant of an hour; none without a time."""
+    points, time = np.zeros((3, 2, 3)), np.array([3600.0, 0.0, np.nan])
+    v = np.array([1e-9, -2e-9, 3e-9])
+    drifts = {one.form: one for one in EVERY if one.name == "tracker_drift"}
+    steady = drifts["steady"].observe(None, points, time, v)
+    np.testing.assert_allclose(steady[0], [3600 * v] * 2)
+    for form, hours in (("warm-up", 1.0), ("warm-up in half an hour", 0.5)):
+        warm = drifts[form].observe(None, points, time, v)
+        np.testing.assert_allclose(warm[0], [(1 - np.exp(-1 / hours)) * v] * 2)
+        assert not warm[1:].any()
