@@ -118,7 +118,16 @@ def _computing(part: ast.AST) -> Iterator[ast.AST]:
     """Nodes of a statement on which its result depends."""
     every = list(ast.walk(part))
     checks = [one.value for one in every if isinstance(one, ast.keyword) and one.arg in _CHECKING]
-    return (one for one in every if not any(one is check for check in checks))
+    free = [*checks, *(length for one in every for length in _lengths(one))]
+    return (one for one in every if not any(one is same for same in free))
+
+
+def _lengths(node: ast.AST) -> Iterator[ast.AST]:
+    """The 1 of a length -1 in reshape, which follows from the others: any negative number does."""
+    if isinstance(node, ast.Call) and getattr(node.func, "attr", None) == "reshape":
+        for one in (part for argument in node.args for part in ast.walk(argument)):
+            if isinstance(one, ast.UnaryOp) and ast.unparse(one) == "-1":
+                yield one.operand
 
 
 def _named(tree: ast.AST, of: str) -> Iterator[tuple[str, ast.FunctionDef]]:

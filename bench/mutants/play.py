@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import importlib
 import importlib.abc
 import importlib.util
@@ -129,7 +130,9 @@ class _Changed(importlib.abc.MetaPathFinder, importlib.abc.InspectLoader):
 class Watch:
     """A plug-in of pytest that notes which functions of the package each test enters.
 
-    What a fixture enters counts for every test that uses it.
+    What a fixture enters counts for every test that uses it, what importing a file of tests enters
+    for all of that file, and what a cached function entered when it was computed for whoever asks
+    for it again.
     """
 
     def __init__(self, package: Path) -> None:
@@ -153,6 +156,35 @@ class Watch:
         finally:
             self.of[name] |= self._now.pop()
 
+    @contextlib.contextmanager
+    def caches(self) -> Iterator[None]:
+        """Within it, modules that are imported get caches that note what they hold."""
+        kept = functools.lru_cache, functools.cache
+
+        def lru_cache(maxsize: Any = 128, typed: bool = False) -> Any:
+            if callable(maxsize):
+                return self._noted(maxsize, kept[0]()(maxsize))
+            return lambda function: self._noted(function, kept[0](maxsize, typed)(function))
+
+        functools.lru_cache, functools.cache = lru_cache, lru_cache(None)
+        try:
+            yield
+        finally:
+            functools.lru_cache, functools.cache = kept
+
+    def _noted(self, function: Any, cached: Any) -> Any:
+        name = f"cached {function.__module__}.{function.__qualname__}"
+
+        @functools.wraps(function)
+        def asked(*args: Any, **more: Any) -> Any:
+            with self._noting(name):
+                found = cached(*args, **more)
+            self._now[-1] |= self.of[name]
+            return found
+
+        asked.cache_clear, asked.cache_info = cached.cache_clear, cached.cache_info  # type: ignore[attr-defined]
+        return asked
+
     def plugin(self) -> Any:
         """The hooks."""
         import pytest
@@ -166,8 +198,14 @@ class Watch:
                     return (yield)
 
             @pytest.hookimpl(wrapper=True)
+            def pytest_make_collect_report(self, collector: Any) -> Iterator[None]:
+                with watch._noting(f"import {getattr(collector, 'path', '')}"):
+                    return (yield)
+
+            @pytest.hookimpl(wrapper=True)
             def pytest_runtest_protocol(self, item: Any, nextitem: Any) -> Iterator[None]:
-                watch.uses[item.nodeid] = list(item.fixturenames)
+                used = (f"fixture {name}" for name in item.fixturenames)
+                watch.uses[item.nodeid] = [f"import {item.path}", *used]
                 sys.setprofile(watch._called)
                 with watch._noting(item.nodeid):
                     return (yield)
@@ -182,7 +220,7 @@ class Watch:
         return {
             test: {
                 "s": self.seconds[test],
-                "of": sorted(self.of[test].union(*(self.of[f"fixture {name}"] for name in used))),
+                "of": sorted(self.of[test].union(*(self.of[name] for name in used))),
             }
             for test, used in self.uses.items()
         }
@@ -197,9 +235,10 @@ def reached(package: Path, tests: Sequence[str]) -> Reached:
     import pytest
 
     watch = Watch(package)
-    told = pytest.main(
-        [*tests, "-q", "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[watch.plugin()]
-    )
+    with watch.caches():
+        told = pytest.main(
+            [*tests, "-q", "-p", "no:cacheprovider", "-p", "no:xdist"], plugins=[watch.plugin()]
+        )
     sys.setprofile(None)
     if told not in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED):
         raise RuntimeError(f"pytest ended with {told!r}")

@@ -316,7 +316,7 @@ def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
     It and those of which one may be wrong instead share its probability.
     """
     share = (1 - (one.p_value or 0.0)) / (1 + len(one.instead))
-    size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
+    size = contract.Amplitude(name="size", value=one.size, std=None, unit=one.size_unit)
     return contract.Cause(
         name=one.name,
         where=int(one.where) if one.where.isdigit() else one.where,

@@ -132,8 +132,7 @@ def _courses(zeros: Unloaded, order: Ints) -> Array:
     """Motions of an instrument at the poses in time, shape (c, p); only a steady one by numbers."""
     when, timed = _when(zeros)
     since = when[order] - when[order[0]]
-    steady = since / max(float(since[-1]), 1.0)
-    return np.array([law(since) for law in LAWS.values()]) if timed else steady[None]
+    return np.array([law(since) for law in LAWS.values()]) if timed else (since / since[-1])[None]
 
 
 def _in_time(zeros: Unloaded) -> Ints:

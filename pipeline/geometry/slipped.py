@@ -48,7 +48,7 @@ class ShapeRows(Locked):
             return None
         W = linear.whitening(rows.N)
         rigid = W @ np.concatenate([rows.D[:, :, where.shift], rows.D[:, :, where.loose]], axis=2)
-        out = np.zeros((len(W), W.shape[1], W.shape[1]))
+        out = np.zeros_like(W)
         for k, one in enumerate(rigid):
             Q = linear.complement(one)
             out[k, : Q.shape[1]] = Q.T

@@ -267,7 +267,7 @@ class Unloaded(Locked):
             x: The unknowns, shape (K,).
         """
         robot, pulls = changed(self.robot, self.letters, x[self.columns.table]), self.pulls
-        if self.sag is not None and x[self.columns.masses].any():
+        if self.sag is not None:
             pulls = replace(pulls, q=self.sag.geometry(self.robot, pulls, self.masses(x)))
         return robot, self.as_changed(pulls, x)
 

@@ -696,4 +696,4 @@ def _identity(shots: RawReadings, k: int) -> tuple[object, ...]:
     if shots.slot[k] >= 0:
         return int(shots.slot[k]), int(shots.role[k])
     x, y, z = shots.position[k]
-    return -1, shots.target[k].as_py(), shots.group[k].as_py(), shots.time[k].as_py(), x, y, z
+    return shots.target[k].as_py(), shots.group[k].as_py(), shots.time[k].as_py(), x, y, z

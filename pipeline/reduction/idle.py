@@ -94,7 +94,7 @@ def idle(
     """
     read = zeros(settings, placed)
     read = read[~read["pose"].isin(pulled)].merge(joints, on="pose")
-    read = read.sort_values(["pose", "target"], ignore_index=True)
+    read = read.sort_values(["pose", "target"])
     C = covariance.numbers(read, covariance.columns("zero_c"))
     if covariance.stated(covariance.known(C)):
         cov = covariance.full(C)

@@ -107,10 +107,12 @@ def test_what_is_odd_of_a_spring(
 
 def test_an_interval_to_zero_beside_a_well_known_value_is_that_of_a_cause() -> None:
     """Wider than two standard uncertainties: another cause may take all of it."""
-    wide = Springs(
-        np.array([10.0]), np.eye(1), np.array([-1.0]), np.array([12.0]), np.array([True])
-    )
-    assert _odd(wide, 0, False, []) == Odd.ZERO_BESIDE_A_CAUSE
+    for x, odd in ((10.0, Odd.ZERO_BESIDE_A_CAUSE), (1.9, Odd.MAY_BE_ZERO)):
+        wide = Springs(
+            1e-8 * np.array([x]), 1e-16 * np.eye(1), np.array([-1e-9]), np.array([1.2e-7]),
+            np.array([True]),
+        )  # fmt: skip
+        assert _odd(wide, 0, False, []) == odd
 
 
 def test_shares_of_a_budget_sum_to_the_variance() -> None:
@@ -180,6 +182,10 @@ def test_without_a_stated_noise_residuals_are_whitened_by_their_scatter() -> Non
     estimate = solve(system, system.typical)
     table = _residuals_table(system, estimate, np.zeros(40))
     assert np.sum(table["whitened"] ** 2) == pytest.approx(estimate.dof) == pytest.approx(37)
+    for dof in (0, 1):
+        left = SimpleNamespace(residual=estimate.residual, dof=dof)
+        table = _residuals_table(system, left, np.zeros(40))
+        assert np.sum(table["whitened"] ** 2) == pytest.approx(1)
 
 
 def test_the_left_out_error_is_that_of_the_rows_that_were_predicted() -> None:
@@ -208,6 +214,8 @@ def test_a_test_pose_is_stated_in_axes_of_the_controller() -> None:
     ]
     assert [one.value for one in found.axes] == pytest.approx([8.5, 10, -80, 70, 20, 30, 40])
     assert axis_values(RAIL, q) == found.axes
+    fine = RAIL.controller_matrix @ (axes + 1e-10 * np.eye(7)[0] * 4) + RAIL.controller_offset
+    assert axis_values(RAIL, fine)[0].value == 8.5  # a picometre is rounding
     assert (found.deflection_mm, found.std_mm) == (pytest.approx(2), pytest.approx(0.1))
     assert found.force_n == (30, -40, 0)
     assert found.vector_mm == pytest.approx((2, 0, 0))
@@ -237,6 +245,9 @@ def test_a_path_is_decided_stretch_by_stretch() -> None:
     ]
     assert [s.deflection_mm for s in path.stretches] == pytest.approx([3, 9, 8])
     assert [s.std_mm for s in path.stretches] == pytest.approx([0.2, 0.3, 0.4])
+    tight = SimpleNamespace(deflection_mm=3.0, path=None)
+    assert tolerance_entry(tight, PoseOfInterest(np.zeros(7), np.ones(3), stated=True),
+                           judged([4e-3], [1e-4])).test_pose == FAIL  # fmt: skip
     bare = SimpleNamespace(deflection_mm=5.0, path=None)
     assert tolerance_entry(bare, where, judged([4e-3], [1e-4])).path is None
     assert tolerance_entry(None, where, judged([4e-3], [1e-4])) is None

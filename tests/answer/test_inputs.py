@@ -31,6 +31,7 @@ def test_readings_that_are_far_off_and_used_are_counted_with_their_lines():
     ("readings", "poses", "said"),
     [
         (1, (), ["1 of 40 readings was left out; see"]),
+        (2, (), ["2 of 40 readings were left out; see"]),
         (6, (4,), ["6 of 40 readings were left out, all of pose 4; see"]),
         (12, (4, 7), ["12 of 40 readings were left out, all of poses 4, 7; see"]),
         (0, (), []),

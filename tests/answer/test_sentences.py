@@ -120,7 +120,9 @@ def test_a_decision_is_stated_with_its_guard_band(d, u, decision, said):
     """In digits that show it: 2.220 - 1.65 × 0.061 would be 2.119 mm, and no failure."""
     one, asked = Tip(deflection_mm=d, std_mm=u), Decision(decision)
     tolerance = Tolerance(deflection_mm=2.12, test_pose=asked, path=None)
+    coarse = compared(Tip(deflection_mm=2000.0, std_mm=151.0), Decision.PASS, 2500.0)
 
+    assert coarse == "2000 + 1.65 × 151 = 2249 mm is at most 2500 mm"
     assert compared(one, asked, 2.12) == said
     assert causes_differ(tolerance, one) == ("causes" in said)
     assert "does not explain" in compared(one, asked, 2.12, holds=False)

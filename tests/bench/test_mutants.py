@@ -17,7 +17,22 @@ SOURCE = textwrap.dedent(
     '''
     """A module."""
 
+    from functools import lru_cache
+
     LIMIT = 3
+
+
+    @lru_cache(maxsize=4)
+    def halves(n):
+        return half(n), half(n)
+
+
+    def half(n):
+        return n / 2
+
+
+    def third(n):
+        return n / 3
 
 
     class Box:
@@ -36,7 +51,9 @@ SOURCE = textwrap.dedent(
 TEST = textwrap.dedent(
     """
     import pytest
-    from pipelet.room.lengths import Box, nearest
+    from pipelet.room.lengths import Box, halves, nearest, third
+
+    THREE = third(9.0)
 
 
     @pytest.fixture(scope="module")
@@ -55,6 +72,18 @@ TEST = textwrap.dedent(
 
     def test_the_same_box(box):
         assert isinstance(box, Box)
+
+
+    def test_halves():
+        assert halves(8.0) == (4.0, 4.0)
+
+
+    def test_halves_again():
+        assert halves(8.0)[0] == 4.0
+
+
+    def test_a_third():
+        assert THREE == 3.0
     """
 )
 
@@ -81,6 +110,13 @@ def test_sites_are_in_functions_and_not_in_strings() -> None:
     )
 
 
+def test_a_length_that_follows_from_the_others_is_no_site() -> None:
+    """Any negative number means the same to numpy."""
+    source = "def f(a):\n    return a[-1].reshape(3, -1) - a.sum(-1)"
+    kinds = [site.kind for _, _, sites in functions(source) for site in sites]
+    assert sorted(kinds) == ["number", "number", "number", "operator"]
+
+
 def test_an_argument_that_only_checks_is_no_site() -> None:
     source = "def f(a, b):\n    return zip(a.sum(keepdims=True), b, strict=True)"
     ((_, _, sites),) = functions(source)
@@ -101,8 +137,8 @@ def test_a_bug_is_one_changed_statement_of_its_seed(package: Path) -> None:
 @pytest.mark.whole
 @pytest.mark.parametrize(
     ("old", "new", "code"),
-    [("", "", 0), ("self.b - LIMIT", "self.b + LIMIT", 1), ("v - at", "v + at", 1)],
-    ids=["no bug", "in a property", "in a function"],
+    [("", "", 0), ("b - LIMIT", "b + LIMIT", 1), ("v - at", "v + at", 1), ("/ 3", "* 3", 1)],
+    ids=["no bug", "in a property", "in a function", "before any test"],
 )
 def test_a_planted_bug_fails_the_test_that_sees_it(
     package: Path, old: str, new: str, code: int
@@ -124,6 +160,22 @@ def test_each_test_is_known_by_the_functions_that_it_enters(package: Path) -> No
     assert nearest in entered["test_the_nearest_value"]
     assert volume in entered["test_a_box"]
     assert not {nearest, volume} & entered["test_the_same_box"]
+
+
+@pytest.mark.whole
+def test_what_is_entered_once_counts_for_all_that_rest_on_it(package: Path) -> None:
+    """A cache filled by another test, and what the file of tests computes when it is imported."""
+    told = _by_itself("partial(play.reached, Path('pipelet').resolve(), TESTS)")
+    lines = SOURCE.splitlines()
+    cache, half, third = (
+        f"room/lengths.py:{1 + lines.index(line)}"
+        for line in ("@lru_cache(maxsize=4)", "def half(n):", "def third(n):")
+    )
+    entered = {name.partition("::")[2]: set(one["of"]) for name, one in told.items()}
+    for name in ("test_halves", "test_halves_again"):
+        assert {cache, half} <= entered[name]
+    assert not {cache, half} & entered["test_a_box"]
+    assert all(third in of for of in entered.values())
 
 
 def _by_itself(work: str) -> Any:
