@@ -58,6 +58,10 @@ _UPDATES, _FLAT = 4, 0.05
 """Maximum number of updates of scatter and prior scales in one linearisation, and the change of
 the log evidence below which they end [1]: a decision takes units."""
 
+_OF_PRIORS = 4
+"""Maximum number of updates of the prior scales for one scatter, which leave the rows as they
+are."""
+
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
 
@@ -163,8 +167,9 @@ def calibrate(
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
+    fit = now
     for turn in range(_MOST):
-        if turn < _SETTLED:
+        if turn < _SETTLED and not (now.flat and abs(now.likely - fit.likely) < _FLAT):
             now = now.with_outstanding().rescaled(wanted, _UPDATES)
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
@@ -175,17 +180,23 @@ def calibrate(
 
 @dataclass(frozen=True, eq=False)
 class _LinearFit:
-    """Least squares about one linearisation, with the fields of `Calibration`."""
+    """Least squares about one linearisation, with the fields of `Calibration`.
+
+    `flat` says whether the last update of scatter and prior scales gained nothing any more, and
+    `white` are the rows if they are known.
+    """
 
     mechanism: Mechanism
     known: Prior
     scatter: PoseScatter
     here: Linear
     damped: float = 0.0
+    flat: bool = False
+    white: ReadRows | None = None
 
     @cached_property
     def rows(self) -> ReadRows:
-        return rows(self.here, self.mechanism, self.scatter)
+        return self.white or rows(self.here, self.mechanism, self.scatter)
 
     @cached_property
     def found(self) -> Posterior:
@@ -218,14 +229,31 @@ class _LinearFit:
         now = self
         for left in reversed(range(most)):
             before = now
+            now = before._scattered()._prior_scaled(wanted)
+            gained = now.likely - before.likely
+            if abs(gained) < _FLAT:
+                return replace(now, flat=True, white=now.rows)
+            if now.likely + left * gained < least:
+                break
+        return now
+
+    def _scattered(self) -> _LinearFit:
+        """The fit with the likeliest scatter."""
+        scatter = again(self.rows, self.here, self.found, self.scatter)
+        return self if scatter is self.scatter else replace(self, scatter=scatter, white=None)
+
+    def _prior_scaled(self, wanted: ModelStructure) -> _LinearFit:
+        """The fit with the likeliest scales of the priors, from the same whitened rows."""
+        now = self
+        for _ in range(_OF_PRIORS):
+            before = now
             now = replace(
                 before,
                 mechanism=larger(before.mechanism, before.found),
                 known=_only(rougher(before.known, before.found), before.mechanism, wanted),
-                scatter=again(before.rows, before.here, before.found, before.scatter),
+                white=before.rows,
             )
-            gained = now.likely - before.likely
-            if abs(gained) < _FLAT or now.likely + left * gained < least:
+            if abs(now.likely - before.likely) < _FLAT:
                 break
         return now
 
@@ -233,7 +261,8 @@ class _LinearFit:
         """The fit with those DH parameters free that are far beyond the rest of the table."""
         free = outstanding(self.known, self.found)
         same = np.array_equal(free, self.known.free)
-        return self if same else replace(self, known=replace(self.known, free=free))
+        known = replace(self.known, free=free)
+        return self if same else replace(self, known=known, white=self.rows)
 
     def stepped(
         self, readings: PositionReadings, weights: ArmWeights
@@ -270,7 +299,7 @@ class _LinearFit:
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         settled = slope @ (x - x0) < 2 * _FLAT if damped else True
         ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
-        return moved, replace(self, mechanism=moved, here=then, damped=damped), ends
+        return moved, replace(self, mechanism=moved, here=then, damped=damped, white=None), ends
 
     def _still(self, moved: Mechanism) -> bool:
         """Whether a step has hardly changed the compliances."""

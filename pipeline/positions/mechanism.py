@@ -418,6 +418,13 @@ class Linear(Locked):
         y, D, Z = (one[:, self.used] for one in every[:3])
         return y, D, Z, np.asarray(self.read[:, self.used], dtype=bool)
 
+    @cached_property
+    def pairs(self) -> Array:
+        """Products of Z by pairs of these rows, a lower triangle each, (n, r (r + 1) / 2, m)."""
+        Z = np.ascontiguousarray(np.moveaxis(self.seen[2], 0, 2).swapaxes(0, 1))
+        i, j = np.tril_indices(Z.shape[1])
+        return np.asarray(Z[:, i] * Z[:, j])
+
     def spread(self, left: Array) -> Array:
         """Values of these rows (m, r) extended by zeros for all others, shape (m, 6 t)."""
         out = np.zeros((len(left), self.read.shape[1]))
