@@ -28,6 +28,7 @@ from pipeline.positions.estimate import (
     padded,
     precision,
     prior,
+    promised,
     rougher,
     rows,
     solved,
@@ -58,9 +59,9 @@ _UPDATES, _FLAT = 4, 0.05
 """Maximum number of updates of scatter and prior scales in one linearisation, and the change of
 the log evidence below which they end [1]: a decision takes units."""
 
-_OF_PRIORS = 4
-"""Maximum number of updates of the prior scales for one scatter, which leave the rows as they
-are."""
+_LOUD, _AT_MOST = 0.5, 2.0
+"""Change of the log evidence [1] up to which scatter is left as it is, and entries are not asked
+again whether they are outstanding; what all further updates together gain over the next one [1]."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
@@ -167,13 +168,14 @@ def calibrate(
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
-    fit = now
+    change = np.inf
     for turn in range(_MOST):
-        if turn < _SETTLED and not (now.flat and abs(now.likely - fit.likely) < _FLAT):
-            now = now.with_outstanding().rescaled(wanted, _UPDATES)
+        if turn < _SETTLED and not (now.flat and change < _FLAT):
+            now = now.with_outstanding(change).rescaled(wanted, _UPDATES, change=change)
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
+        change = abs(now.likely - fit.likely)
     # with unknown masses, where it ends: their common factor must move nothing there
     return (now if moved.unknown else fit).ended(moved, readings, weights, wanted)
 
@@ -220,46 +222,42 @@ class _LinearFit:
         own = self.known, self.scatter, self.here, self.rows
         return Calibration(moved, readings, weights, *own, found, wanted)
 
-    def rescaled(self, wanted: ModelStructure, most: int, least: float = -np.inf) -> _LinearFit:
+    def rescaled(
+        self, wanted: ModelStructure, most: int, least: float = -np.inf, change: float = np.inf
+    ) -> _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest.
 
-        Updates gain less and less; they end where as much as the last one gained would not bring
-        the log evidence to `least` any more.
+        Updates gain less and less; they end where twice what the next one promises would not bring
+        the log evidence to `least` any more. After one that has gained little, or a `change` as
+        little by what came before, only prior scales are updated: scatter converges at once.
         """
         now = self
-        for left in reversed(range(most)):
-            before = now
-            now = before._scattered()._prior_scaled(wanted)
-            gained = now.likely - before.likely
-            if abs(gained) < _FLAT:
+        for _ in range(most):
+            then, gain = now._likelier(wanted, change > _LOUD)
+            if now.likely + _AT_MOST * gain < least:
+                break
+            change = abs(then.likely - now.likely)
+            now = then
+            if change < _FLAT:
                 return replace(now, flat=True, white=now.rows)
-            if now.likely + left * gained < least:
-                break
         return now
 
-    def _scattered(self) -> _LinearFit:
-        """The fit with the likeliest scatter."""
-        scatter = again(self.rows, self.here, self.found, self.scatter)
-        return self if scatter is self.scatter else replace(self, scatter=scatter, white=None)
+    def _likelier(self, wanted: ModelStructure, scatters: bool) -> tuple[_LinearFit, float]:
+        """The fit with updated scales of the priors, and scatter, and what it promises to gain."""
+        mechanism = larger(self.mechanism, self.found)
+        known = _only(rougher(self.known, self.found), self.mechanism, wanted)
+        gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
+        then = replace(self, mechanism=mechanism, known=known, white=self.rows)
+        if not scatters:
+            return then, gain
+        scatter, by_scatter = again(self.rows, self.here, self.found, self.scatter)
+        if by_scatter > _FLAT:
+            then = replace(then, scatter=scatter, white=None)
+        return then, gain + by_scatter
 
-    def _prior_scaled(self, wanted: ModelStructure) -> _LinearFit:
-        """The fit with the likeliest scales of the priors, from the same whitened rows."""
-        now = self
-        for _ in range(_OF_PRIORS):
-            before = now
-            now = replace(
-                before,
-                mechanism=larger(before.mechanism, before.found),
-                known=_only(rougher(before.known, before.found), before.mechanism, wanted),
-                white=before.rows,
-            )
-            if abs(now.likely - before.likely) < _FLAT:
-                break
-        return now
-
-    def with_outstanding(self) -> _LinearFit:
+    def with_outstanding(self, change: float) -> _LinearFit:
         """The fit with those DH parameters free that are far beyond the rest of the table."""
-        free = outstanding(self.known, self.found)
+        free = outstanding(self.known, self.found) if change > _LOUD else self.known.free
         same = np.array_equal(free, self.known.free)
         known = replace(self.known, free=free)
         return self if same else replace(self, known=known, white=self.rows)
@@ -393,19 +391,22 @@ def _curves(
 
 def likeliest(
     found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
-) -> tuple[ModelStructure, float]:
+) -> tuple[Calibration | None, float]:
     """The first choice after which the evidence of the readings does not grow, with its evidence.
+
+    None is the first, where its evidence is known.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
         known: Evidence of the first, if it is known.
     """
-    best, taken = -np.inf if known is None else known, choices[0]
+    best, taken = -np.inf if known is None else known, None
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted, best).likely) < best:
+        now = tried(found, wanted, best)
+        if now.likely < best:
             break
-        best, taken = now, wanted
+        best, taken = now.likely, now
     return taken, best
 
 
@@ -417,15 +418,59 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         wanted: Another structure.
         least: Log evidence below which the estimate is not needed.
     """
-    mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
-    here = found.linear
-    anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
-    if found.mechanism.curves or mechanism.laws != found.mechanism.laws or anew:
+    mechanism = _equipped(found.mechanism, found.readings, wanted)
+    here = _beside(found, mechanism, wanted)
+    if here is None:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
     new_masses = mechanism.unknown != found.mechanism.unknown
     if new_masses or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES, least)
+    fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
+    fit = fit.rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)
+
+
+def _beside(found: Calibration, mechanism: Mechanism, wanted: ModelStructure) -> Linear | None:
+    """The linearisation of an estimate for other laws and curves; None where it needs a new one.
+
+    In absolute parameters the left-hand side of its rows is the same.
+    """
+    old, rows, laws = found.mechanism, found.rows, mechanism.laws
+    if wanted.moments or replace(found.wanted, laws=wanted.laws, curves=wanted.curves) != wanted:
+        return None
+    if any(law.by_balancer for law in set(laws) ^ set(old.laws)):
+        return None
+    here, where = found.linear, layout(old)
+    ends = np.cumsum([where.laws.start, *(law.amplitudes for law in old.laws)])
+    known = {law: here.D[..., a:b] for law, a, b in zip(old.laws, ends[:-1], ends[1:], strict=True)}
+    columns = [
+        known[law]
+        if law in known
+        else here.Z[..., law.joint - 1, None] * law.basis(here.inputs)[:, None]
+        for law in laws
+    ]
+    D = np.concatenate([here.D[..., : where.laws.start], *columns], axis=2)
+    y = here.spread((rows.L @ rows.y[..., None])[..., 0])
+    y = y - D @ mechanism.at(layout(mechanism))[: D.shape[2]]
+    Z = here.Z
+    return replace(here, y=y, slopes=lambda: (D, Z))
+
+
+def _scatter_without(found: Calibration, wanted: ModelStructure) -> PoseScatter:
+    """Scatter of an estimate with, at each pose, what curves explain that waves replace."""
+    there, rows, inputs = found.mechanism, found.rows, found.linear.inputs
+    kept = {joint for joint, _ in wanted.curves}
+    at, beside = layout(there).knots.start, 0.0
+    for curve in there.curves:
+        f = curve.value(inputs.q[:, curve.joint], found.solution.x[at : at + curve.count])
+        at += curve.count
+        if curve.screw == curve.joint and curve.joint not in kept:
+            own = [law.basis(inputs) for law in wanted.laws if law.joint == curve.joint + 1]
+            X = linear.orthonormal(np.hstack([np.ones((len(f), 1)), *own]))
+            Z = found.linear.seen[2][..., curve.joint]
+            beside = beside + np.einsum("mij,mj->mi", rows.W, Z * (f - X @ (X.T @ f))[:, None])
+    if isinstance(beside, float):
+        return found.scatter
+    return again(rows, found.linear, found.solution, found.scatter, beside)[0]

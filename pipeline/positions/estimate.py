@@ -225,14 +225,21 @@ class Posterior(Locked):
         x: The parameters.
         root: R with R R' their covariance, except for C_k, shape (size, at least dense): its first
             columns, as many as there are dense parameters, are zero below the diagonal of these.
-        knots: C_k, covariance of the knots if all other parameters were known, (knots, knots).
+        of_knots: C_k, covariance of the knots if all other parameters were known, (knots, knots),
+            or the factor of its inverse.
         evidence: Logarithm of the marginal likelihood of the whitened rows.
     """
 
     x: Array
     root: Array
-    knots: Array
+    of_knots: Array | linear.Cholesky
     evidence: float
+
+    @cached_property
+    def knots(self) -> Array:
+        """C_k, which not every solution is asked for."""
+        known = self.of_knots
+        return known.inverse if isinstance(known, linear.Cholesky) else known
 
     @cached_property
     def cov(self) -> Array:
@@ -300,15 +307,19 @@ def _solve(
     """
     P, log = prior_of
     A, right, dense = N + P, b + P @ mean, len(b) - knots
-    S, C, B = A, np.zeros((knots, knots)), np.zeros((knots, dense))
-    if knots:
-        own = factored(A[dense:, dense:])
-        C, B, log = own.inverse, own.solve(A[dense:, :dense]), log - own.log_det
-        S = A[:dense, :dense] - A[:dense, dense:] @ B
-    rest = factored(S)
-    root = np.concatenate([rest.root, -B @ rest.root])
-    x = root @ (root.T @ right)
-    x[dense:] += C @ right[dense:]
+    C: Array | linear.Cholesky
+    if not knots:
+        rest = factored(A)
+        root = rest.root
+        x, C = root @ (root.T @ right), np.zeros((0, 0))
+    else:
+        C = factored(A[dense:, dense:])
+        B = C.solve(A[dense:, :dense])
+        rest = factored(A[:dense, :dense] - A[:dense, dense:] @ B)
+        root = np.concatenate([rest.root, -B @ rest.root])
+        x = root @ (root.T @ right)
+        x[dense:] += C.solve(right[dense:])
+        log -= C.log_det
     chi2 = square + mean @ P @ mean - x @ right
     return Posterior(x, root, C, float(-0.5 * (chi2 + rest.log_det - log)))
 
@@ -517,11 +528,37 @@ _SMALLEST = 1e-7
 """Lower limit of a curve's size [m or rad], which amounts to no curve."""
 
 
-def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:
-    """Scatter estimated from the residuals and the uncertainty of the fit."""
-    left = rows.y - rows.along(found.x)
+def again(
+    rows: ReadRows,
+    about: Linear,
+    found: Posterior,
+    scatter: PoseScatter,
+    beside: Array | float = 0.0,
+) -> tuple[PoseScatter, float]:
+    """Scatter estimated from the residuals and the uncertainty of the fit, and what it gains.
+
+    `beside` are further whitened residuals (m, r), of what the fit has and a trial has not.
+    """
+    left = rows.y - rows.along(found.x) + beside
     products = left[:, :, None] * left[:, None, :] + rows.variance(found)
     return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))
+
+
+def promised(
+    found: Posterior, before: tuple[Mechanism, Prior], after: tuple[Mechanism, Prior]
+) -> float:
+    """Gain of the log evidence that new scales of priors promise.
+
+    sum over parameters s (r - 1 - log r) / 2, r the ratio of the new prior variance to the earlier
+    one and s the part of this which the readings take away: that of a variance from s values.
+    """
+    one, two = (
+        np.concatenate([known.std, *[np.full(c.count, c.size) for c in mechanism.curves]])
+        for mechanism, known in (before, after)
+    )
+    seen = np.clip(1 - found.var / one**2, 0.0, 1.0)
+    r = (two / one) ** 2
+    return 0.5 * float(seen @ (r - 1 - np.log(r)))
 
 
 def stated_moments(robot: Robot) -> tuple[Array, Array]:

@@ -203,14 +203,15 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    wanted, _ = likeliest(
+    curved, _ = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))
             for length in random_curve.LENGTHS[False]
         ],
     )
-    found = data.identify(springs.mechanism, wanted, springs)
+    curved = curved or springs  # never: the first is tried, too
+    found = data.identify(curved.mechanism, curved.wanted, curved)
     waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
     found = _better(data, found, [(law,) for law in waves], judge)
     found = _better(

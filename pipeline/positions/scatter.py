@@ -55,23 +55,18 @@ class PoseScatter(Locked):
         L, W = (np.ascontiguousarray(np.moveaxis(one, 2, 0)) for one in pair)
         return L, W
 
-    def better(self, rows: Linear, products: Array) -> PoseScatter:
-        """Maximum-likelihood scatter given the products of residuals (m, r, r).
-
-        The same object where a step promises to gain no more than `_FLAT`.
-        """
+    def better(self, rows: Linear, products: Array) -> tuple[PoseScatter, float]:
+        """Maximum-likelihood scatter given the products of residuals (m, r, r), and its gain."""
         n = len(self.joints)
         free = np.append(np.ones(n, dtype=bool), [not self.stated, rows.read[:, 3::6].any()])
         now = np.append(self.joints, [self.position, self.rotation])
-        v = likeliest_variances(_Likelihood(rows, products, n), now**2, free)
-        if v is None:
-            return self
+        v, gain = likeliest_variances(_Likelihood(rows, products, n), now**2, free)
         s = np.where(free, np.sqrt(v), now)
-        return PoseScatter(s[:n], float(s[n]), float(s[n + 1]), self.stated)
+        return PoseScatter(s[:n], float(s[n]), float(s[n + 1]), self.stated), gain
 
 
-def likeliest_variances(of: _Likelihood, now: Array, free: Bools) -> Array | None:
-    """The variances (n + 2,) that maximise a likelihood, by Fisher scoring; None for `now`.
+def likeliest_variances(of: _Likelihood, now: Array, free: Bools) -> tuple[Array, float]:
+    """The variances (n + 2,) that maximise a likelihood, by Fisher scoring, and what they gain.
 
     With gradient g and Fisher information F of f, each step minimises the quadratic
 
@@ -86,20 +81,21 @@ def likeliest_variances(of: _Likelihood, now: Array, free: Bools) -> Array | Non
         free: Which of them are estimated, shape (n + 2,).
     """
     v = np.where(free, np.clip(now, _LEAST, _MOST), now)
-    here = of(v)
-    for turn in range(_STEPS):
+    here = begun = of(v)
+    for _ in range(_STEPS):
         step, gain = _scored(here, v, free)
         if gain < _FLAT:
-            return np.where(free, np.clip(v + step, _LEAST, _MOST), v) if turn else None
+            break
         for part in 0.5 ** np.arange(_HALVED):
             then = np.where(free, np.clip(v + part * step, _LEAST, _MOST), v)
             there = of(then)
             if there.value < here.value:
                 break
         else:
-            break
+            return v, begun.value - here.value
         v, here = then, there
-    return v
+    last = np.where(free, np.clip(v + step, _LEAST, _MOST), v)
+    return last, begun.value - here.value + gain
 
 
 def _scored(here: _Slopes, v: Array, free: Bools) -> tuple[Array, float]:
