@@ -302,7 +302,7 @@ class _LinearFit:
     def _still(self, moved: Mechanism) -> bool:
         """Whether a step has hardly changed the compliances."""
         nominal, part = self.mechanism.table.nominal_compliance, layout(self.mechanism).compliance
-        std = np.sqrt(self.found.var[part])
+        std = np.sqrt(self.found.dense_var[part])
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         return bool((turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all())
 
@@ -443,19 +443,18 @@ def _beside(found: Calibration, mechanism: Mechanism, wanted: ModelStructure) ->
     if any(law.by_balancer for law in set(laws) ^ set(old.laws)):
         return None
     here, where = found.linear, layout(old)
+    _, old_D, Z, _ = here.seen
     ends = np.cumsum([where.laws.start, *(law.amplitudes for law in old.laws)])
-    known = {law: here.D[..., a:b] for law, a, b in zip(old.laws, ends[:-1], ends[1:], strict=True)}
+    known = {law: old_D[..., a:b] for law, a, b in zip(old.laws, ends[:-1], ends[1:], strict=True)}
     columns = [
         known[law]
         if law in known
-        else here.Z[..., law.joint - 1, None] * law.basis(here.inputs)[:, None]
+        else Z[..., law.joint - 1, None] * law.basis(here.inputs)[:, None]
         for law in laws
     ]
-    D = np.concatenate([here.D[..., : where.laws.start], *columns], axis=2)
-    y = here.spread((rows.L @ rows.y[..., None])[..., 0])
-    y = y - D @ mechanism.at(layout(mechanism))[: D.shape[2]]
-    Z = here.Z
-    return replace(here, y=y, slopes=lambda: (D, Z))
+    D = np.concatenate([old_D[..., : where.laws.start], *columns], axis=2)
+    y = (rows.L @ rows.y[..., None])[..., 0] - D @ mechanism.at(layout(mechanism))[: D.shape[2]]
+    return replace(here, y=here.spread(y), slopes=lambda _: (D, Z))
 
 
 def _scatter_without(found: Calibration, wanted: ModelStructure) -> PoseScatter:

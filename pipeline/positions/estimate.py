@@ -247,6 +247,13 @@ class Posterior(Locked):
         return self.of(slice(None))
 
     @cached_property
+    def dense_var(self) -> Array:
+        """Variance of each parameter but the knots."""
+        known = self.of_knots
+        knots = len(known.scale if isinstance(known, linear.Cholesky) else known)
+        return np.asarray(np.sum(self.root[: len(self.x) - knots] ** 2, axis=1))
+
+    @cached_property
     def var(self) -> Array:
         """Variance of each parameter."""
         var = np.sum(self.root**2, axis=1)
@@ -447,7 +454,7 @@ def padded(head: Array, size: int) -> Array:
 def rougher(known: Prior, found: Posterior) -> Prior:
     """Prior with the roughness of the estimated DH parameters; free ones get their own."""
     k = len(known.turns)
-    second = found.x[:k] ** 2 + found.var[:k]
+    second = found.x[:k] ** 2 + found.dense_var[:k]
     std = known.std.copy()
     std[:k][known.free] = np.sqrt(second[known.free])
     for turns in (False, True):
@@ -455,7 +462,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         if len(rest):
             std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
     for one in known.groups:
-        scale = _scale(found.x[one], found.var[one], std[one], known.returning)
+        scale = _scale(found.x[one], found.dense_var[one], std[one], known.returning)
         if scale != 1 and _impossible(found.x[one], known.signed[one]):
             scale = _LEAST
         std[one] = np.minimum(std[one] * scale, known.most[one])
