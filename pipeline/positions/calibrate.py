@@ -32,6 +32,7 @@ from pipeline.positions.estimate import (
     rougher,
     rows,
     solved,
+    unwhitened,
 )
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
@@ -137,6 +138,11 @@ class Calibration(Locked):
         """Covariance of the parameters, including the uncertainty of the scales of their priors."""
         return self.solution.cov + of_scales(self.known, self.solution)
 
+    @cached_property
+    def held(self) -> Array:
+        """Covariance of what is predicted at each pose, whitened, shape (m, r, r)."""
+        return self.rows.variance(self.by_readings)
+
     @property
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
@@ -241,6 +247,17 @@ class _LinearFit:
             if change < _FLAT:
                 return replace(now, flat=True, white=now.rows)
         return now
+
+    def hopeless(self, held: Array, least: float) -> bool:
+        """Whether twice what another scatter promises does not bring the log evidence to `least`.
+
+        `held` is what another estimate of the same readings absorbs of the noise, (m, r, r).
+        """
+        if self.likely > least:
+            return False
+        e = self.rows.y - self.rows.along(self.found.x)
+        _, gain = self.scatter.better(self.here, unwhitened(self.rows, e, held))
+        return self.likely + _AT_MOST * gain < least
 
     def _likelier(self, wanted: ModelStructure, scatters: bool) -> tuple[_LinearFit, float]:
         """The fit with updated scales of the priors, and scatter, and what it promises to gain."""
@@ -428,7 +445,8 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
     fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
-    fit = fit.rescaled(wanted, _UPDATES, least)
+    if not fit.hopeless(found.held, least):
+        fit = fit.rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)
 
 
@@ -472,4 +490,5 @@ def _scatter_without(found: Calibration, wanted: ModelStructure) -> PoseScatter:
             beside = beside + np.einsum("mij,mj->mi", rows.W, Z * (f - X @ (X.T @ f))[:, None])
     if isinstance(beside, float):
         return found.scatter
-    return again(rows, found.linear, found.solution, found.scatter, beside)[0]
+    e = rows.y - rows.along(found.solution.x) + beside
+    return found.scatter.better(found.linear, unwhitened(rows, e, found.held))[0]

@@ -536,19 +536,17 @@ _SMALLEST = 1e-7
 
 
 def again(
-    rows: ReadRows,
-    about: Linear,
-    found: Posterior,
-    scatter: PoseScatter,
-    beside: Array | float = 0.0,
+    rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter
 ) -> tuple[PoseScatter, float]:
-    """Scatter estimated from the residuals and the uncertainty of the fit, and what it gains.
+    """Scatter estimated from the residuals and the uncertainty of the fit, and what it gains."""
+    left = rows.y - rows.along(found.x)
+    return scatter.better(about, unwhitened(rows, left, rows.variance(found)))
 
-    `beside` are further whitened residuals (m, r), of what the fit has and a trial has not.
-    """
-    left = rows.y - rows.along(found.x) + beside
-    products = left[:, :, None] * left[:, None, :] + rows.variance(found)
-    return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))
+
+def unwhitened(rows: ReadRows, left: Array, held: Array) -> Array:
+    """Products of the errors, L (e e' + H) L', from residuals e (m, r) and what is absorbed, H."""
+    products = left[:, :, None] * left[:, None, :] + held
+    return np.asarray(rows.L @ products @ np.swapaxes(rows.L, 1, 2))
 
 
 def promised(

@@ -482,9 +482,11 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
     stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
     own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
-    seen_turn = np.swapaxes(own[:, None, :3, :3], 2, 3) @ readings.turn
-    off = (seen_turn @ np.swapaxes(turn, 2, 3)).reshape(-1, 3, 3)
-    turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
+    turned = np.zeros(at.shape)
+    if readings.six.any():
+        seen_turn = np.swapaxes(own[:, None, :3, :3], 2, 3) @ readings.turn
+        off = (seen_turn @ np.swapaxes(turn, 2, 3)).reshape(-1, 3, 3)
+        turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
     y[~read] = 0.0
