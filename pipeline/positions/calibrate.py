@@ -60,9 +60,9 @@ _UPDATES, _FLAT = 4, 0.05
 """Maximum number of updates of scatter and prior scales in one linearisation, and the change of
 the log evidence below which they end [1]: a decision takes units."""
 
-_LOUD, _AT_MOST = 0.5, 2.0
+_LOUD = 0.5
 """Change of the log evidence [1] up to which scatter is left as it is, and entries are not asked
-again whether they are outstanding; what all further updates together gain over the next one [1]."""
+again whether they are outstanding."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
@@ -233,14 +233,14 @@ class _LinearFit:
     ) -> _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest.
 
-        Updates gain less and less; they end where twice what the next one promises would not bring
-        the log evidence to `least` any more. After one that has gained little, or a `change` as
+        Updates gain less and less; they end where as much as the next one promises in each would
+        not bring the log evidence to `least` any more. After one that has gained little, or a `change` as
         little by what came before, only prior scales are updated: scatter converges at once.
         """
         now = self
-        for _ in range(most):
+        for left in range(most, 0, -1):
             then, gain = now._likelier(wanted, change > _LOUD)
-            if now.likely + _AT_MOST * gain < least:
+            if now.likely + left * gain < least:
                 break
             change = abs(then.likely - now.likely)
             now = then
@@ -248,16 +248,17 @@ class _LinearFit:
                 return replace(now, flat=True, white=now.rows)
         return now
 
-    def hopeless(self, held: Array, least: float) -> bool:
-        """Whether twice what another scatter promises does not bring the log evidence to `least`.
+    def hopeless(self, wanted: ModelStructure, held: Array, least: float) -> bool:
+        """Whether all updates together do not promise to bring the log evidence to `least`.
 
         `held` is what another estimate of the same readings absorbs of the noise, (m, r, r).
         """
         if self.likely > least:
             return False
         e = self.rows.y - self.rows.along(self.found.x)
-        _, gain = self.scatter.better(self.here, unwhitened(self.rows, e, held))
-        return self.likely + _AT_MOST * gain < least
+        _, by_scatter = self.scatter.better(self.here, unwhitened(self.rows, e, held))
+        _, by_priors = self._likelier(wanted, False)
+        return self.likely + _UPDATES * (by_scatter + by_priors) < least
 
     def _likelier(self, wanted: ModelStructure, scatters: bool) -> tuple[_LinearFit, float]:
         """The fit with updated scales of the priors, and scatter, and what it promises to gain."""
@@ -445,7 +446,7 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
     fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
-    if not fit.hopeless(found.held, least):
+    if not fit.hopeless(wanted, found.held, least):
         fit = fit.rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)
 
