@@ -234,8 +234,9 @@ class _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest.
 
         Updates gain less and less; they end where as much as the next one promises in each would
-        not bring the log evidence to `least` any more. After one that has gained little, or a `change` as
-        little by what came before, only prior scales are updated: scatter converges at once.
+        not bring the log evidence to `least` any more. After one that has gained little, or a
+        `change` as little by what came before, only prior scales are updated: scatter converges at
+        once.
         """
         now = self
         for left in range(most, 0, -1):

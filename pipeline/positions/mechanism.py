@@ -513,7 +513,7 @@ def _slopes(
 
 
 def derivatives(
-    mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights, used: Ints | None = None
+    mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights, used: Ints | slice = slice(None)
 ) -> tuple[Array, Array]:
     """Derivatives of the targets by the parameters except frames and knots, and by joints and bed.
 
@@ -528,11 +528,11 @@ def derivatives(
             (m, r, n + 6).
     """
     where, here, at = layout(mechanism), stand.here, stand.at
-    used = np.arange(6 * at.shape[1]) if used is None else used
-    D = np.zeros((len(at), len(used), where.dense))
+    rows = np.arange(6 * at.shape[1])[used]
+    D = np.zeros((len(at), len(rows), where.dense))
     D[..., where.letters] = reach(twists(here, mechanism.letters), at)[:, used]
     D[..., where.tool] = _of_tool(at, stand.turn)[:, used]
-    Z, yielding = (reach(one, at)[:, used] for one in (here.twists, stand.yields.screws))
+    Z, yielding = reach(here.twists, at)[:, rows], reach(stand.yields.screws, at)[:, rows]
     turned = np.zeros(stand.tau.shape)  # by laws of gears, per unit of what a balancer turns
     if stand.balancer.any():
         turned = stand.yields.by_balancer(stand.borne, mechanism.yields) / mechanism.springs

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.unloaded import START
 from pipeline.machine.robot import Robot
@@ -105,8 +106,9 @@ def _scored(here: _Slopes, v: Array, free: Bools) -> tuple[Array, float]:
     size = np.diag(F) ** -0.5
     F, g, y = F * size * size[:, None] + _ROUNDED * np.eye(len(F)), g * size, v[told] / size
     least = _LEAST / size
-    R = np.linalg.cholesky(F)
-    new, _ = optimize.nnls(R.T, np.linalg.solve(R, F @ (y - least) - g))
+    known = linear.cholesky(F)
+    half = known.lower.T / known.scale  # F = half' half
+    new, _ = optimize.nnls(half, half @ known.solve(F @ (y - least) - g))
     d = new + least - y
     out[told] = d * size
     return out, float(-(g @ d) - 0.5 * d @ F @ d)
