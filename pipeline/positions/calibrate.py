@@ -28,9 +28,11 @@ from pipeline.positions.estimate import (
     padded,
     precision,
     prior,
+    promised,
     rougher,
     rows,
     solved,
+    unwhitened,
 )
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
@@ -57,6 +59,10 @@ uncertainty [1], and the least one that is asked for, over the nominal complianc
 _UPDATES, _FLAT = 4, 0.05
 """Maximum number of updates of scatter and prior scales in one linearisation, and the change of
 the log evidence below which they end [1]: a decision takes units."""
+
+_LOUD = 0.5
+"""Change of the log evidence [1] up to which scatter is left as it is, and entries are not asked
+again whether they are outstanding."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
@@ -132,6 +138,11 @@ class Calibration(Locked):
         """Covariance of the parameters, including the uncertainty of the scales of their priors."""
         return self.solution.cov + of_scales(self.known, self.solution)
 
+    @cached_property
+    def held(self) -> Array:
+        """Covariance of what is predicted at each pose, whitened, shape (m, r, r)."""
+        return self.rows.variance(self.by_readings)
+
     @property
     def left(self) -> Array:
         """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
@@ -163,29 +174,37 @@ def calibrate(
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
+    change = np.inf
     for turn in range(_MOST):
-        if turn < _SETTLED:
-            now = now.with_outstanding().rescaled(wanted, _UPDATES)
+        if turn < _SETTLED and not (now.flat and change < _FLAT):
+            now = now.with_outstanding(change).rescaled(wanted, _UPDATES, change=change)
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
+        change = abs(now.likely - fit.likely)
     # with unknown masses, where it ends: their common factor must move nothing there
     return (now if moved.unknown else fit).ended(moved, readings, weights, wanted)
 
 
 @dataclass(frozen=True, eq=False)
 class _LinearFit:
-    """Least squares about one linearisation, with the fields of `Calibration`."""
+    """Least squares about one linearisation, with the fields of `Calibration`.
+
+    `flat` says whether the last update of scatter and prior scales gained nothing any more, and
+    `white` are the rows if they are known.
+    """
 
     mechanism: Mechanism
     known: Prior
     scatter: PoseScatter
     here: Linear
     damped: float = 0.0
+    flat: bool = False
+    white: ReadRows | None = None
 
     @cached_property
     def rows(self) -> ReadRows:
-        return rows(self.here, self.mechanism, self.scatter)
+        return self.white or rows(self.here, self.mechanism, self.scatter)
 
     @cached_property
     def found(self) -> Posterior:
@@ -209,31 +228,58 @@ class _LinearFit:
         own = self.known, self.scatter, self.here, self.rows
         return Calibration(moved, readings, weights, *own, found, wanted)
 
-    def rescaled(self, wanted: ModelStructure, most: int, least: float = -np.inf) -> _LinearFit:
+    def rescaled(
+        self, wanted: ModelStructure, most: int, least: float = -np.inf, change: float = np.inf
+    ) -> _LinearFit:
         """The fit with scatter and scales of the priors that the readings make likeliest.
 
-        Updates gain less and less; they end where as much as the last one gained would not bring
-        the log evidence to `least` any more.
+        Updates gain less and less; they end where as much as the next one promises in each would
+        not bring the log evidence to `least` any more. After one that has gained little, or a
+        `change` as little by what came before, only prior scales are updated: scatter converges at
+        once.
         """
         now = self
-        for left in reversed(range(most)):
-            before = now
-            now = replace(
-                before,
-                mechanism=larger(before.mechanism, before.found),
-                known=_only(rougher(before.known, before.found), before.mechanism, wanted),
-                scatter=again(before.rows, before.here, before.found, before.scatter),
-            )
-            gained = now.likely - before.likely
-            if abs(gained) < _FLAT or now.likely + left * gained < least:
+        for left in range(most, 0, -1):
+            then, gain = now._likelier(wanted, change > _LOUD)
+            if now.likely + left * gain < least:
                 break
+            change = abs(then.likely - now.likely)
+            now = then
+            if change < _FLAT:
+                return replace(now, flat=True, white=now.rows)
         return now
 
-    def with_outstanding(self) -> _LinearFit:
+    def hopeless(self, wanted: ModelStructure, held: Array, least: float) -> bool:
+        """Whether all updates together do not promise to bring the log evidence to `least`.
+
+        `held` is what another estimate of the same readings absorbs of the noise, (m, r, r).
+        """
+        if self.likely > least:
+            return False
+        e = self.rows.y - self.rows.along(self.found.x)
+        _, by_scatter = self.scatter.better(self.here, unwhitened(self.rows, e, held))
+        _, by_priors = self._likelier(wanted, False)
+        return self.likely + _UPDATES * (by_scatter + by_priors) < least
+
+    def _likelier(self, wanted: ModelStructure, scatters: bool) -> tuple[_LinearFit, float]:
+        """The fit with updated scales of the priors, and scatter, and what it promises to gain."""
+        mechanism = larger(self.mechanism, self.found)
+        known = _only(rougher(self.known, self.found), self.mechanism, wanted)
+        gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
+        then = replace(self, mechanism=mechanism, known=known, white=self.rows)
+        if not scatters:
+            return then, gain
+        scatter, by_scatter = again(self.rows, self.here, self.found, self.scatter)
+        if by_scatter > _FLAT:
+            then = replace(then, scatter=scatter, white=None)
+        return then, gain + by_scatter
+
+    def with_outstanding(self, change: float) -> _LinearFit:
         """The fit with those DH parameters free that are far beyond the rest of the table."""
-        free = outstanding(self.known, self.found)
+        free = outstanding(self.known, self.found) if change > _LOUD else self.known.free
         same = np.array_equal(free, self.known.free)
-        return self if same else replace(self, known=replace(self.known, free=free))
+        known = replace(self.known, free=free)
+        return self if same else replace(self, known=known, white=self.rows)
 
     def stepped(
         self, readings: PositionReadings, weights: ArmWeights
@@ -270,12 +316,12 @@ class _LinearFit:
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         settled = slope @ (x - x0) < 2 * _FLAT if damped else True
         ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
-        return moved, replace(self, mechanism=moved, here=then, damped=damped), ends
+        return moved, replace(self, mechanism=moved, here=then, damped=damped, white=None), ends
 
     def _still(self, moved: Mechanism) -> bool:
         """Whether a step has hardly changed the compliances."""
         nominal, part = self.mechanism.table.nominal_compliance, layout(self.mechanism).compliance
-        std = np.sqrt(self.found.var[part])
+        std = np.sqrt(self.found.dense_var[part])
         turned = np.abs(moved.compliance - self.mechanism.compliance)
         return bool((turned < _STILL * np.maximum(std, _LEAST_STD * nominal)).all())
 
@@ -364,19 +410,22 @@ def _curves(
 
 def likeliest(
     found: Calibration, choices: Sequence[ModelStructure], known: float | None = None
-) -> tuple[ModelStructure, float]:
+) -> tuple[Calibration | None, float]:
     """The first choice after which the evidence of the readings does not grow, with its evidence.
+
+    None is the first, where its evidence is known.
 
     Args:
         found: An estimate.
         choices: Model structures in the order in which they are tried.
         known: Evidence of the first, if it is known.
     """
-    best, taken = -np.inf if known is None else known, choices[0]
+    best, taken = -np.inf if known is None else known, None
     for wanted in choices if known is None else choices[1:]:
-        if (now := tried(found, wanted, best).likely) < best:
+        now = tried(found, wanted, best)
+        if now.likely < best:
             break
-        best, taken = now, wanted
+        best, taken = now.likely, now
     return taken, best
 
 
@@ -388,15 +437,60 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         wanted: Another structure.
         least: Log evidence below which the estimate is not needed.
     """
-    mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
-    here = found.linear
-    anew = wanted.bed or wanted.moments or wanted.yields != found.wanted.yields
-    if found.mechanism.curves or mechanism.laws != found.mechanism.laws or anew:
+    mechanism = _equipped(found.mechanism, found.readings, wanted)
+    here = _beside(found, mechanism, wanted)
+    if here is None:
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
     new_masses = mechanism.unknown != found.mechanism.unknown
     if new_masses or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _only(_scaled(new, mechanism, known), mechanism, wanted)
-    fit = _LinearFit(mechanism, known, scatter, here).rescaled(wanted, _UPDATES, least)
+    fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
+    if not fit.hopeless(wanted, found.held, least):
+        fit = fit.rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)
+
+
+def _beside(found: Calibration, mechanism: Mechanism, wanted: ModelStructure) -> Linear | None:
+    """The linearisation of an estimate for other laws and curves; None where it needs a new one.
+
+    In absolute parameters the left-hand side of its rows is the same.
+    """
+    old, rows, laws = found.mechanism, found.rows, mechanism.laws
+    if wanted.moments or replace(found.wanted, laws=wanted.laws, curves=wanted.curves) != wanted:
+        return None
+    if any(law.by_balancer for law in set(laws) ^ set(old.laws)):
+        return None
+    here, where = found.linear, layout(old)
+    _, old_D, Z, _ = here.seen
+    ends = np.cumsum([where.laws.start, *(law.amplitudes for law in old.laws)])
+    known = {law: old_D[..., a:b] for law, a, b in zip(old.laws, ends[:-1], ends[1:], strict=True)}
+    columns = [
+        known[law]
+        if law in known
+        else Z[..., law.joint - 1, None] * law.basis(here.inputs)[:, None]
+        for law in laws
+    ]
+    D = np.concatenate([old_D[..., : where.laws.start], *columns], axis=2)
+    y = (rows.L @ rows.y[..., None])[..., 0] - D @ mechanism.at(layout(mechanism))[: D.shape[2]]
+    return replace(here, y=here.spread(y), slopes=lambda _: (D, Z))
+
+
+def _scatter_without(found: Calibration, wanted: ModelStructure) -> PoseScatter:
+    """Scatter of an estimate with, at each pose, what curves explain that waves replace."""
+    there, rows, inputs = found.mechanism, found.rows, found.linear.inputs
+    kept = {joint for joint, _ in wanted.curves}
+    at, beside = layout(there).knots.start, 0.0
+    for curve in there.curves:
+        f = curve.value(inputs.q[:, curve.joint], found.solution.x[at : at + curve.count])
+        at += curve.count
+        if curve.screw == curve.joint and curve.joint not in kept:
+            own = [law.basis(inputs) for law in wanted.laws if law.joint == curve.joint + 1]
+            X = linear.orthonormal(np.hstack([np.ones((len(f), 1)), *own]))
+            Z = found.linear.seen[2][..., curve.joint]
+            beside = beside + np.einsum("mij,mj->mi", rows.W, Z * (f - X @ (X.T @ f))[:, None])
+    if isinstance(beside, float):
+        return found.scatter
+    e = rows.y - rows.along(found.solution.x) + beside
+    return found.scatter.better(found.linear, unwhitened(rows, e, found.held))[0]

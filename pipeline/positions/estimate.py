@@ -225,19 +225,33 @@ class Posterior(Locked):
         x: The parameters.
         root: R with R R' their covariance, except for C_k, shape (size, at least dense): its first
             columns, as many as there are dense parameters, are zero below the diagonal of these.
-        knots: C_k, covariance of the knots if all other parameters were known, (knots, knots).
+        of_knots: C_k, covariance of the knots if all other parameters were known, (knots, knots),
+            or the factor of its inverse.
         evidence: Logarithm of the marginal likelihood of the whitened rows.
     """
 
     x: Array
     root: Array
-    knots: Array
+    of_knots: Array | linear.Cholesky
     evidence: float
+
+    @cached_property
+    def knots(self) -> Array:
+        """C_k, which not every solution is asked for."""
+        known = self.of_knots
+        return known.inverse if isinstance(known, linear.Cholesky) else known
 
     @cached_property
     def cov(self) -> Array:
         """Covariance of the parameters."""
         return self.of(slice(None))
+
+    @cached_property
+    def dense_var(self) -> Array:
+        """Variance of each parameter but the knots."""
+        known = self.of_knots
+        knots = len(known.scale if isinstance(known, linear.Cholesky) else known)
+        return np.asarray(np.sum(self.root[: len(self.x) - knots] ** 2, axis=1))
 
     @cached_property
     def var(self) -> Array:
@@ -300,15 +314,19 @@ def _solve(
     """
     P, log = prior_of
     A, right, dense = N + P, b + P @ mean, len(b) - knots
-    S, C, B = A, np.zeros((knots, knots)), np.zeros((knots, dense))
-    if knots:
-        own = factored(A[dense:, dense:])
-        C, B, log = own.inverse, own.solve(A[dense:, :dense]), log - own.log_det
-        S = A[:dense, :dense] - A[:dense, dense:] @ B
-    rest = factored(S)
-    root = np.concatenate([rest.root, -B @ rest.root])
-    x = root @ (root.T @ right)
-    x[dense:] += C @ right[dense:]
+    C: Array | linear.Cholesky
+    if not knots:
+        rest = factored(A)
+        root = rest.root
+        x, C = root @ (root.T @ right), np.zeros((0, 0))
+    else:
+        C = factored(A[dense:, dense:])
+        B = C.solve(A[dense:, :dense])
+        rest = factored(A[:dense, :dense] - A[:dense, dense:] @ B)
+        root = np.concatenate([rest.root, -B @ rest.root])
+        x = root @ (root.T @ right)
+        x[dense:] += C.solve(right[dense:])
+        log -= C.log_det
     chi2 = square + mean @ P @ mean - x @ right
     return Posterior(x, root, C, float(-0.5 * (chi2 + rest.log_det - log)))
 
@@ -436,7 +454,7 @@ def padded(head: Array, size: int) -> Array:
 def rougher(known: Prior, found: Posterior) -> Prior:
     """Prior with the roughness of the estimated DH parameters; free ones get their own."""
     k = len(known.turns)
-    second = found.x[:k] ** 2 + found.var[:k]
+    second = found.x[:k] ** 2 + found.dense_var[:k]
     std = known.std.copy()
     std[:k][known.free] = np.sqrt(second[known.free])
     for turns in (False, True):
@@ -444,7 +462,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         if len(rest):
             std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
     for one in known.groups:
-        scale = _scale(found.x[one], found.var[one], std[one], known.returning)
+        scale = _scale(found.x[one], found.dense_var[one], std[one], known.returning)
         if scale != 1 and _impossible(found.x[one], known.signed[one]):
             scale = _LEAST
         std[one] = np.minimum(std[one] * scale, known.most[one])
@@ -517,11 +535,35 @@ _SMALLEST = 1e-7
 """Lower limit of a curve's size [m or rad], which amounts to no curve."""
 
 
-def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:
-    """Scatter estimated from the residuals and the uncertainty of the fit."""
+def again(
+    rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter
+) -> tuple[PoseScatter, float]:
+    """Scatter estimated from the residuals and the uncertainty of the fit, and what it gains."""
     left = rows.y - rows.along(found.x)
-    products = left[:, :, None] * left[:, None, :] + rows.variance(found)
-    return scatter.better(about, rows.L @ products @ np.swapaxes(rows.L, 1, 2))
+    return scatter.better(about, unwhitened(rows, left, rows.variance(found)))
+
+
+def unwhitened(rows: ReadRows, left: Array, held: Array) -> Array:
+    """Products of the errors, L (e e' + H) L', from residuals e (m, r) and what is absorbed, H."""
+    products = left[:, :, None] * left[:, None, :] + held
+    return np.asarray(rows.L @ products @ np.swapaxes(rows.L, 1, 2))
+
+
+def promised(
+    found: Posterior, before: tuple[Mechanism, Prior], after: tuple[Mechanism, Prior]
+) -> float:
+    """Gain of the log evidence that new scales of priors promise.
+
+    sum over parameters s (r - 1 - log r) / 2, r the ratio of the new prior variance to the earlier
+    one and s the part of this which the readings take away: that of a variance from s values.
+    """
+    one, two = (
+        np.concatenate([known.std, *[np.full(c.count, c.size) for c in mechanism.curves]])
+        for mechanism, known in (before, after)
+    )
+    seen = np.clip(1 - found.var / one**2, 0.0, 1.0)
+    r = (two / one) ** 2
+    return 0.5 * float(seen @ (r - 1 - np.log(r)))
 
 
 def stated_moments(robot: Robot) -> tuple[Array, Array]:

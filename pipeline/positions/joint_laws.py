@@ -203,14 +203,15 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    wanted, _ = likeliest(
+    curved, _ = likeliest(
         springs,
         [
             replace(springs.wanted, curves=tuple((j, length) for j in joints))
             for length in random_curve.LENGTHS[False]
         ],
     )
-    found = data.identify(springs.mechanism, wanted, springs)
+    curved = curved or springs  # never: the first is tried, too
+    found = data.identify(curved.mechanism, curved.wanted, curved)
     waves = [law for j in joints if (law := _one_wave(springs, found, clues, j)) is not None]
     found = _better(data, found, [(law,) for law in waves], judge)
     found = _better(
@@ -231,7 +232,10 @@ def _of_all_else(
     signs: Array,
     judge: LeftOutPoses,
 ) -> tuple[Calibration, dict[_Key, float]]:
-    """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
+    """Estimate with further laws, the likeliest first while they carry over, and their p-values.
+
+    Whether one does is first judged about one linearisation.
+    """
     p: dict[_Key, float] = {}
     free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
     adopted = refused = 0
@@ -241,12 +245,13 @@ def _of_all_else(
             break
         law = law_tests.sharpened(found, left[0].law)
         new = (*found.mechanism.laws, law)
-        more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
-        if judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
-            found, p[_key(law)] = more, left[0].p
-            adopted += 1
-        else:
-            refused += 1
+        more = tried(found, replace(found.wanted, laws=new))
+        part = _of_law(more.mechanism, len(new) - 1)
+        if judge.carries(more, part, law.once):
+            more = data.identify(more.mechanism, more.wanted, more)
+            if judge.carries(more, part, law.once):
+                found, p[_key(law)] = more, left[0].p
+        adopted, refused = (adopted + 1, refused) if found is more else (adopted, refused + 1)
         free = [one for one in free if not _alike(one, left[0].law)]
     return found, p
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse, special
+from scipy import optimize, sparse, special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -114,7 +114,7 @@ def score(found: Calibration, signs: Array, copied: Array | None = None) -> _Law
     n, dense, cov = found.mechanism.table.n, rows.D.shape[2], known.cov
     Z = rows.W @ found.linear.Z[:, found.linear.used, :n]
     e = rows.y - rows.along(found.solution.x)
-    left = _as_noise(rows.variance(known), e if copied is None else copied)
+    left = _as_noise(found.held, e if copied is None else copied)
     own, P, K = (np.swapaxes(Z, 1, 2) @ one for one in (left[..., None], rows.D, rows.K))
     P, Q = np.ascontiguousarray(np.swapaxes(P, 0, 1)), list(map(rows.by_knots, np.split(K, n, 1)))
     D, K = (left[:, None] @ one for one in (rows.D, rows.K))
@@ -600,9 +600,26 @@ def _chance(z: Array) -> Array:
 
 def _beyond(most: Array, found: Array) -> Array:
     """Tail probability of a value, from an extreme-value distribution fitted to the copies."""
-    from scipy import stats  # half a second to import, and only laws of joints need it
+    middle, width = gumbel(most)
+    return np.asarray(-np.expm1(-np.exp(-(found - middle) / width)))
 
-    return np.asarray(stats.gumbel_r.sf(found, *stats.gumbel_r.fit(most)))
+
+def gumbel(most: Array) -> tuple[float, float]:
+    """Location and scale of the likeliest extreme-value distribution of largest values (k,).
+
+    s solves  s = mean - sum x w / sum w,  w = exp(-x / s);  location = -s log mean w.
+    """
+    x = most - most.mean()
+    least, spread = -float(x.min()), float(np.ptp(x))
+    if not spread:
+        return float(most.mean()), linear.TINY
+
+    def off(log_scale: float) -> float:
+        w = np.exp(-(x + least) / np.exp(log_scale))
+        return float(np.exp(log_scale) + x @ w / w.sum())
+
+    s = float(np.exp(optimize.brentq(off, np.log(1e-3 * least), np.log(10 * spread), xtol=1e-13)))
+    return float(most.mean() - least - s * np.log(np.mean(np.exp(-(x + least) / s)))), s
 
 
 def _standard(T: Array) -> Array:

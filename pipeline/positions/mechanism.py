@@ -375,14 +375,14 @@ class Linear(Locked):
 
     Attributes:
         y: Reading minus mechanism [m], [rad], shape (m, 6 t); zero where not read.
-        slopes: Computes D and Z, which a step that ends an iteration does not need.
+        slopes: Computes some rows of D and Z, which a step that ends an iteration does not need.
         read: Mask of the rows that were read, shape (m, 6 t).
         inputs: Variables that the laws depend on.
         at: Positions of the targets according to the mechanism [m], F_b, shape (m, t, 3).
     """
 
     y: Array
-    slopes: Callable[[], tuple[Array, Array]]
+    slopes: Callable[[Ints], tuple[Array, Array]]
     read: Bools
     inputs: Inputs
     at: Array
@@ -390,19 +390,19 @@ class Linear(Locked):
     @property
     def D(self) -> Array:
         """Derivatives by all parameters except the knots, shape (m, 6 t, dense)."""
-        return self._by_all[0]
+        return self.spread(self._by_all[0])
 
-    @property
+    @cached_property
     def Z(self) -> Array:
         """Derivatives by the joint values and by motions of a bed that is not straight.
 
         Shape (m, 6 t, n or n + 6).
         """
-        return self._by_all[1]
+        return self.spread(self._by_all[1])
 
     @cached_property
     def _by_all(self) -> tuple[Array, Array]:
-        return self.slopes()
+        return self.slopes(self.used)
 
     @cached_property
     def used(self) -> Ints:
@@ -412,15 +412,19 @@ class Linear(Locked):
     @cached_property
     def seen(self) -> tuple[Array, Array, Array, Bools]:
         """These rows of y (m, r), D (m, r, dense), Z (m, r, n), and which were read (m, r)."""
-        every = self.y, self.D, self.Z, self.read
-        if len(self.used) == self.read.shape[1]:
-            return every
-        y, D, Z = (one[:, self.used] for one in every[:3])
-        return y, D, Z, np.asarray(self.read[:, self.used], dtype=bool)
+        (D, Z), read = self._by_all, self.read[:, self.used]
+        return self.y[:, self.used], D, Z, np.asarray(read, dtype=bool)
+
+    @cached_property
+    def pairs(self) -> Array:
+        """Products of Z by pairs of these rows, a lower triangle each, (n, r (r + 1) / 2, m)."""
+        Z = np.ascontiguousarray(np.moveaxis(self.seen[2], 0, 2).swapaxes(0, 1))
+        i, j = np.tril_indices(Z.shape[1])
+        return np.asarray(Z[:, i] * Z[:, j])
 
     def spread(self, left: Array) -> Array:
-        """Values of these rows (m, r) extended by zeros for all others, shape (m, 6 t)."""
-        out = np.zeros((len(left), self.read.shape[1]))
+        """Values of these rows (m, r, ...), and zeros for all others, shape (m, 6 t, ...)."""
+        out = np.zeros((len(left), self.read.shape[1], *left.shape[2:]))
         out[:, self.used] = left
         return out
 
@@ -478,9 +482,11 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
     stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
     own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
-    seen_turn = np.swapaxes(own[:, None, :3, :3], 2, 3) @ readings.turn
-    off = (seen_turn @ np.swapaxes(turn, 2, 3)).reshape(-1, 3, 3)
-    turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
+    turned = np.zeros(at.shape)
+    if readings.six.any():
+        seen_turn = np.swapaxes(own[:, None, :3, :3], 2, 3) @ readings.turn
+        off = (seen_turn @ np.swapaxes(turn, 2, 3)).reshape(-1, 3, 3)
+        turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
     y[~read] = 0.0
@@ -488,12 +494,16 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
 
 
 def _slopes(
-    readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights, stand: PlacedRobot
+    readings: PositionReadings,
+    mechanism: Mechanism,
+    weights: ArmWeights,
+    stand: PlacedRobot,
+    used: Ints,
 ) -> tuple[Array, Array]:
     """D and Z of `Linear`."""
-    read = readings.read
-    D, Z = derivatives(mechanism, stand, weights)
-    of = by_frame(stand.at)
+    read = readings.read[:, used]
+    D, Z = derivatives(mechanism, stand, weights, used)
+    of = by_frame(stand.at)[:, used]
     for series in range(len(readings.names)):
         mine = readings.series == series
         D[mine, :, frame_of(mechanism, series)] = of[mine]
@@ -503,19 +513,26 @@ def _slopes(
 
 
 def derivatives(
-    mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights
+    mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights, used: Ints | slice = slice(None)
 ) -> tuple[Array, Array]:
     """Derivatives of the targets by the parameters except frames and knots, and by joints and bed.
 
+    Args:
+        mechanism: The mechanism.
+        stand: The same at m poses.
+        weights: Gravity and payloads on the arm.
+        used: Which r rows are wanted, all 6 t if not given.
+
     Returns:
-        Shapes (m, 6 t, dense), zero for frames, and (m, 6 t, n) or, where the bed is not straight,
-            (m, 6 t, n + 6).
+        Shapes (m, r, dense), zero for frames, and (m, r, n) or, where the bed is not straight,
+            (m, r, n + 6).
     """
     where, here, at = layout(mechanism), stand.here, stand.at
-    D = np.zeros((len(at), 6 * at.shape[1], where.dense))
-    D[..., where.letters] = reach(twists(here, mechanism.letters), at)
-    D[..., where.tool] = _of_tool(at, stand.turn)
-    Z, yielding = reach(here.twists, at), reach(stand.yields.screws, at)
+    rows = np.arange(6 * at.shape[1])[used]
+    D = np.zeros((len(at), len(rows), where.dense))
+    D[..., where.letters] = reach(twists(here, mechanism.letters), at)[:, used]
+    D[..., where.tool] = _of_tool(at, stand.turn)[:, used]
+    Z, yielding = reach(here.twists, at)[:, rows], reach(stand.yields.screws, at)[:, rows]
     turned = np.zeros(stand.tau.shape)  # by laws of gears, per unit of what a balancer turns
     if stand.balancer.any():
         turned = stand.yields.by_balancer(stand.borne, mechanism.yields) / mechanism.springs
@@ -542,7 +559,7 @@ def derivatives(
         joint = np.repeat([law.joint - 1 for law in mechanism.laws], [one.shape[1] for one in g])
         np.multiply(Z[..., joint], np.hstack(g)[:, None], out=D[..., where.laws])
     if stand.bed is not None:
-        Z = np.concatenate([Z, reach(stand.bed, at)], axis=2)
+        Z = np.concatenate([Z, reach(stand.bed, at)[:, used]], axis=2)
     return D, Z
 
 

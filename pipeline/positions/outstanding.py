@@ -61,7 +61,7 @@ def confirmed(known: Prior, found: Posterior) -> Bools:
     entry that the readings hardly see, as the last offset beside a free tool, nothing is left.
     """
     k = len(known.free)
-    z = np.abs(found.x[:k]) / np.sqrt(found.var[:k])
+    z = np.abs(found.x[:k]) / np.sqrt(found.dense_var[:k])
     shown = 2 * k * special.ndtr(-z) < alarms.GEOMETRY
     return known.free & shown & outstanding(known, found)
 
@@ -73,7 +73,7 @@ def _large(known: Prior, found: Posterior) -> list[int]:
     kind even without as many as may be outstanding.
     """
     k = len(known.turns)
-    seen = 1 - found.var[:k] / known.std[:k] ** 2
+    seen = 1 - found.dense_var[:k] / known.std[:k] ** 2
     rest = _usual(known)
     for turns in (False, True):
         mine = known.turns == turns

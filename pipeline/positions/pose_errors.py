@@ -105,7 +105,7 @@ def _of_carriage(found: Calibration) -> tuple[Array | None, bool]:
     usual = _MEDIAN * np.where(robot.prismatic, START[True], START[False])
     shared = replace(found.scatter, joints=np.append(usual, np.repeat(_BED, 3)))
     for _ in range(_UPDATES):
-        shared = again(found.rows, found.linear, found.solution, shared)
+        shared, _ = again(found.rows, found.linear, found.solution, shared)
     moves = lever * shared.joints**2
     carriage = moves[robot.n :]
     if carriage.sum() < _SHARE * moves.sum():

@@ -303,7 +303,8 @@ def _formed(found: Calibration) -> ModelStructure:
                 replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
                 for other in other_forms(there.table, tau, one)
             ]
-            wanted, known = likeliest(found, [wanted, *others], known)
+            best, known = likeliest(found, [wanted, *others], known)
+            wanted = best.wanted if best else wanted
         at += len(one.parameters)
     return wanted
 

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from made_positions import made, weightless
+from scipy import stats
 
 from pipeline.machine.robot import load
 from pipeline.positions.calibrate import ModelStructure
 from pipeline.positions.cross_validation import LeftOutPoses, partings
 from pipeline.positions.initial import begin
 from pipeline.positions.joint_laws import LawSearchData, _of_own_angles
-from pipeline.positions.law_tests import _as_noise, flips, law_tests
+from pipeline.positions.law_tests import _as_noise, flips, gumbel, law_tests
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.scatter import start
 from pipeline.system.alarms import LAW
@@ -108,3 +109,10 @@ def test_two_waves_that_no_curve_of_few_poses_contains_take_its_place():
     size = {law.order: float(np.linalg.norm(part)) for law, part in zip(laws, parts, strict=True)}
     assert size[12.0] == pytest.approx(6e-5, rel=0.2)
     assert size[7.0] == pytest.approx(6e-5, rel=0.2)
+
+
+def test_the_largest_of_copies_have_the_extreme_value_distribution_of_a_library():
+    """The likeliest location and scale are those that scipy finds, also of few unequal values."""
+    rng = np.random.default_rng(4)
+    for most in (rng.gumbel(2.0, 0.3, 200), np.append(np.zeros(499), 1.0)):
+        assert gumbel(most) == pytest.approx(stats.gumbel_r.fit(most), rel=1e-9)

@@ -5,7 +5,8 @@ import pytest
 from made_positions import made, weightless
 
 from pipeline.machine.robot import load
-from pipeline.positions.calibrate import ModelStructure, calibrate
+from pipeline.positions import calibrate as estimates
+from pipeline.positions.calibrate import ModelStructure, calibrate, tried
 from pipeline.positions.estimate import precision
 from pipeline.positions.initial import begin
 from pipeline.positions.laws import JointLaw
@@ -69,3 +70,25 @@ def test_what_is_asked_once_is_asked_the_same(found):
     part = by_turns(found.readings)
 
     assert np.array_equal(errors(found, part), LeftOut(found, part).errors())
+
+
+OTHERS = ModelStructure(springs=False, laws=(WAVES[1], JointLaw(6, "periodic", "angle", 6, 1.0)))
+
+
+def test_a_trial_needs_no_new_linearisation_for_other_laws_and_curves(found, monkeypatch):
+    """Without the curve and one wave, and with another: as about a new linearisation."""
+    here = tried(found, OTHERS)
+    monkeypatch.setattr(estimates, "_beside", lambda *_: None)
+    anew = tried(found, OTHERS)
+
+    part = layout(here.mechanism).laws
+    assert here.likely == pytest.approx(anew.likely, abs=0.05)
+    assert here.solution.x[part] == pytest.approx(anew.solution.x[part], abs=1e-7)
+
+
+def test_a_trial_ends_before_its_end_only_where_it_is_hopeless(found):
+    """With an evidence to beat that it does beat it ends as without one."""
+    best = tried(found, OTHERS).likely
+
+    assert tried(found, OTHERS, best - 1e-3).likely == best
+    assert tried(found, OTHERS, best + 1e3).likely < best + 1e3

@@ -4,12 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
+from pipeline.positions.estimate import Posterior, ReadRows, again
 from pipeline.positions.laws import Inputs
 from pipeline.positions.mechanism import Linear
 from pipeline.positions.outliers import _columns
-from pipeline.positions.scatter import PoseScatter, _Likelihood, triangular
+from pipeline.positions.scatter import (
+    PoseScatter,
+    _Likelihood,
+    likeliest_variances,
+    triangular,
+)
 
 POSES, JOINTS = 40, 4
 
@@ -23,7 +29,13 @@ def rows() -> Linear:
     Z = np.where(read[..., None], rng.normal(size=(POSES, 12, JOINTS)), 0.0)
     none = np.zeros(POSES)
     inputs = Inputs(np.zeros((POSES, JOINTS)), np.zeros((POSES, JOINTS)), none, none, none)
-    return Linear(np.zeros((POSES, 12)), lambda: (Z, Z), read, inputs, np.zeros((POSES, 2, 3)))
+    return Linear(
+        np.zeros((POSES, 12)),
+        lambda used: (Z[:, used], Z[:, used]),
+        read,
+        inputs,
+        np.zeros((POSES, 2, 3)),
+    )
 
 
 def errors(rows: Linear, s: np.ndarray) -> np.ndarray:
@@ -60,10 +72,103 @@ def test_the_likelihood_is_the_density_of_the_errors(rows):
         for h in step
     ]
 
-    value, slope = of(logs)
+    here = of(s**2)
 
-    assert value == pytest.approx(by_density(rows, e, s), rel=1e-10)
-    assert slope == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+    assert here.value == pytest.approx(by_density(rows, e, s), rel=1e-10)
+    assert here.slope * s**2 == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+
+
+def test_the_information_is_the_variance_of_the_gradient(rows):
+    """With errors of the covariance itself the gradient vanishes and its slope is F."""
+    s = np.array([0.5, 1.5, 0.1, 0.8, 0.3, 0.7])
+    W = PoseScatter(s[:4], *s[4:]).factors(rows)[1]
+    V = np.linalg.inv(np.swapaxes(W, 1, 2) @ W)
+    of, step = _Likelihood(rows, V, JOINTS), 1e-4 * np.eye(6) * s**2
+
+    F = [
+        (of(s**2 + h).slope - of(s**2 - h).slope) / 2e-4 / v
+        for h, v in zip(step, s**2, strict=True)
+    ]
+
+    assert of(s**2).slope * s**2 == pytest.approx(np.zeros(6), abs=1e-9)
+    np.testing.assert_allclose(of(s**2).information, F, rtol=1e-4)
+
+
+@pytest.mark.parametrize("s", [(0.5, 1.5, 0.1, 0.8, 0.3, 0.7), (0.0, 0.0, 0.0, 0.8, 0.3, 0.7)])
+def test_the_likeliest_variances_are_those_of_a_search_from_many_starts(rows, s):
+    """In a few steps and from far below and far above, also where variances end at zero.
+
+    Planted bug: without the bound a vanishing variance goes below zero, and a factor fails.
+    """
+    e = errors(rows, 1e-2 * np.array(s))
+    of, count = _Likelihood(rows, e[:, :, None] * e[:, None, :], JOINTS), [0]
+
+    def counted(v):
+        count[0] += 1
+        return of(v)
+
+    def by_logs(x):
+        here = of(np.exp(x))
+        return here.value, here.slope * np.exp(x)
+
+    least = min(
+        optimize.minimize(by_logs, x, jac=True, method="L-BFGS-B", bounds=[(-36, -4)] * 6).fun
+        for x in np.random.default_rng(5).uniform(-20, -5, (4, 6))
+    )
+    for start in (1e-11, 1e-2):
+        count[0] = 0
+        v, gain = likeliest_variances(counted, np.full(6, start), np.ones(6, dtype=bool))
+
+        assert count[0] <= 8
+        assert of(v).value == pytest.approx(least, abs=2e-3)
+        assert of(np.full(6, start)).value - gain == pytest.approx(least, abs=2e-2)
+
+
+def test_stated_noise_is_left_as_it_is(rows):
+    """What is not free keeps its value, whatever the residuals."""
+    e = errors(rows, 1e-2 * np.array([0.5, 1.5, 0.1, 0.8, 0.3, 0.7]))
+    scatter = PoseScatter(np.full(4, 0.01), 2e-4, 1e-3, stated=True)
+
+    found, _ = scatter.better(rows, e[:, :, None] * e[:, None, :])
+
+    assert found.position == 2e-4
+    assert found.rotation > 5e-3
+
+
+@pytest.mark.parametrize("between", [0.06, 0.0])
+def test_a_balanced_layout_has_its_variances_in_closed_form(between):
+    """One mean over groups of three: REML is the analysis of variance, and zero where it is less.
+
+    n^2 = SSW / (m (r - 1)) and r s^2 + n^2 = SSB / (m - 1), or both pooled over m r - 1 degrees of
+    freedom (Searle, Casella and McCulloch, Variance Components, 1992, 4.3).
+    """
+    m, r = 12, 3
+    rng = np.random.default_rng(2 if between else 4)
+    y = 4.0 + between * rng.normal(size=(m, 1)) + 0.02 * rng.normal(size=(m, r))
+    read, one = np.tile(np.arange(6) < r, (m, 1)), np.ones((m, r, 1))
+    none = np.zeros(m)
+    inputs = Inputs(none[:, None], none[:, None], none, none, none)
+    flat = np.zeros((m, 6))
+    about = Linear(flat, lambda _: (one, one), read, inputs, np.zeros((m, 1, 3)))
+    scatter = PoseScatter(np.array([0.01]), 0.01, 0.1)
+    for _ in range(60):
+        L, W = scatter.factors(about)
+        D, b = W @ one, np.einsum("mij,mj->mi", W, y)
+        root = np.array([[np.sum(D**2) ** -0.5]])
+        x = root[0] ** 2 * np.sum(D[..., 0] * b)
+        known = Posterior(x, root, np.zeros((0, 0)), 0.0)
+        at = np.zeros((m, 0), dtype=int)
+        scatter, _ = again(ReadRows(D, np.zeros((m, r, 0)), at, 0, b, W, L), about, known, scatter)
+
+    middle = y.mean(axis=1)
+    within = np.sum((y - middle[:, None]) ** 2)
+    beyond = r * np.sum((middle - y.mean()) ** 2)
+    noise, group = within / (m * (r - 1)), beyond / (m - 1)
+    if group < noise:
+        noise = group = (within + beyond) / (m * r - 1)
+    assert (group > noise) == (between > 0)
+    assert scatter.position**2 == pytest.approx(noise, rel=1e-3)
+    assert scatter.joints[0] ** 2 == pytest.approx((group - noise) / r, rel=1e-2, abs=1e-9)
 
 
 def test_factors_whiten_the_errors_of_each_pose(rows):
@@ -106,7 +211,7 @@ def test_a_bad_reading_moves_its_own_coordinates_and_no_other(rows, six):
     assert D.shape == (POSES, len(rows.used), 2, 6 if any(six) else 3)
     for pose, target, axis in np.ndindex(POSES, 2, D.shape[3]):
         unit = (rows.used == 6 * target + axis) * rows.read[pose, rows.used]
-        assert D[pose, :, target, axis] == pytest.approx(W[pose] @ unit, abs=1e-12)
+        assert D[pose, :, target, axis] == pytest.approx(W[pose] @ unit, abs=1e-9)
 
 
 def test_many_small_factors_are_those_of_each():
