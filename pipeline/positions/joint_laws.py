@@ -301,20 +301,27 @@ def _of_outputs(data: LawSearchData, found: Calibration, judge: LeftOutPoses) ->
     laws += tuple(law for j in joints for law in _series(found, j, laws))
     rest = tuple(one for one in found.wanted.curves if found.mechanism.table.prismatic[one[0]])
     soft = replace(found.wanted, soft=bool(found.wanted.yields))
-    anew = replace(found, known=replace(found.known, groups={}))
-    ends = [
-        (tried(start, wanted, found.likely).likely, wanted, start)
-        for wanted in (soft, replace(soft, laws=laws, curves=rest))
-        for start in (found, anew)
-        if wanted != found.wanted
-    ]
-    for likely, wanted, start in sorted(ends, key=lambda one: -one[0]):
-        if likely <= found.likely:
-            break
-        best = data.identify(found.mechanism, wanted, start)
-        if best.likely > found.likely and judge.as_good(best, found):
+    for wanted in (replace(soft, laws=laws, curves=rest), soft):
+        if wanted != found.wanted and (best := _likelier(data, found, wanted, judge)):
             return best
     return found
+
+
+def _likelier(
+    data: LawSearchData, found: Calibration, wanted: ModelStructure, judge: LeftOutPoses
+) -> Calibration | None:
+    """The likelier of the estimates from two starts, if it is better than the one found."""
+    anew = replace(found, known=replace(found.known, groups={}))
+    few, least = len(found.readings.q) <= _FEW, found.likely
+    starts = [one for one in (found, anew) if few or tried(one, wanted, least).likely > least]
+    ends = [data.identify(found.mechanism, wanted, one) for one in starts]
+    best = max(ends, key=lambda one: one.likely, default=found)
+    return best if best.likely > found.likely and judge.as_good(best, found) else None
+
+
+_FEW = 500
+"""Poses up to which whole estimates are made without asking one linearisation first [1]: each takes
+seconds. Sixty scales that begin as usual, or that have vanished, are not near their ends in it."""
 
 
 def _of_shafts(data: LawSearchData, found: Calibration) -> tuple[Calibration, dict[_Key, _Key]]:

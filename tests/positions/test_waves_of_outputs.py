@@ -24,7 +24,9 @@ class Fit:
     likely: float = 10.0
     known: SimpleNamespace = field(default_factory=lambda: Known())
     readings: SimpleNamespace = field(
-        default_factory=lambda: SimpleNamespace(q=np.array([[0.0, -3.0, -1.0], [5.0, 3.0, 1.0]]))
+        default_factory=lambda: SimpleNamespace(
+            q=np.linspace([0.0, -3.0, -1.0], [5.0, 3.0, 1.0], 600)
+        )
     )
 
     @property
@@ -41,7 +43,9 @@ class Known:
     groups: dict = field(default_factory=lambda: {"": slice(0, 1)})
 
 
-def searched(monkeypatch, once=(20.0, 20.0), ends=(20.0, 30.0), good=True, yields=()):
+def searched(
+    monkeypatch, once=(20.0, 20.0), ends=(20.0, 30.0), good=True, yields=(), poses=slice(None)
+):
     """The end of the search, and whether it is what all waves together gave.
 
     Evidence about one linearisation and at the end, each from the scales of the search and from
@@ -51,12 +55,13 @@ def searched(monkeypatch, once=(20.0, 20.0), ends=(20.0, 30.0), good=True, yield
         ModelStructure(laws=(RAIL, *FOUND, COUPLED), curves=((0, 0.1), (2, 0.2)), yields=yields)
     )
     monkeypatch.setattr(
-        joint_laws, "tried", lambda f, wanted, least: replace(f, likely=once[not f.known.groups])
+        joint_laws, "tried", lambda f, wanted, *_: replace(f, likely=once[not f.known.groups])
     )
 
     def identify(mechanism, wanted, earlier):
         return replace(earlier, wanted=wanted, likely=ends[not earlier.known.groups])
 
+    begun.readings.q = begun.readings.q[poses]
     data = SimpleNamespace(identify=identify)
     judge = SimpleNamespace(as_good=lambda one, other: good)
     return begun, joint_laws._of_outputs(data, begun, judge)
@@ -93,6 +98,13 @@ def test_they_are_left_out_where_they_gain_nothing(monkeypatch, worse):
     begun, end = searched(monkeypatch, **worse)
 
     assert end is begun
+
+
+def test_few_poses_are_estimated_to_the_end_before_it_is_said_that_waves_gain_nothing(monkeypatch):
+    """Four updates of sixty scales are no end: they left the likelier structure 120 behind."""
+    _, end = searched(monkeypatch, once=(5.0, 6.0), poses=slice(0, None, 6))
+
+    assert end.likely == 30.0
 
 
 def test_bearings_and_rails_may_be_as_soft_as_gears_at_the_end(monkeypatch):
