@@ -76,7 +76,8 @@ class ModelStructure:
         moments: Whether masses and first moments of the links are estimated, because the robot file
             states none, or wrong ones.
         bed: Whether the rail has a bed that is not straight.
-        soft: Whether bearings, links and rails may be as soft as gears.
+        soft: Whether bearings, links and rails may be as soft as gears, and a rail's scale as wrong
+            as racks are.
     """
 
     table: bool = True

@@ -22,7 +22,6 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.arm_weight import LEAST, usual
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import link_moments
-from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import Linear, Mechanism, Payloads, balances, layout
 from pipeline.positions.positions_estimate import soften
 from pipeline.positions.random_curve import Curve, between_knots
@@ -49,8 +48,8 @@ _BALANCER = 1e-3
 nominal spring under its rated torque."""
 
 _RACK = 1e-4
-"""Prior standard deviation of a rail's scale [1], an estimate: 0.1 mm per metre, as what steel
-expands by in 8 K; racks are joined every metre or two."""
+"""Upper limit of the prior scale of a rail's error of length [1], an estimate: 0.1 mm per metre,
+as what steel expands by in 8 K; racks are joined every metre or two."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +98,7 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     std[where.compliance] = robot.nominal_compliance
     std[where.payload] = np.maximum(payloads.std.ravel(), FIXED_SIGMA)
     std[where.yields] = sizes(mechanism.elements)
-    own = [_size(robot, law) for law in mechanism.laws]
+    own = [_BALANCER if balances(robot, law) else _WAVE for law in mechanism.laws]
     std[where.laws] = np.repeat(own, [law.amplitudes for law in mechanism.laws])
     if mechanism.loose:
         weight = usual(robot) if mechanism.unknown else stated_moments(robot)
@@ -112,28 +111,26 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     )
 
 
-def _size(robot: Robot, law: JointLaw) -> float:
-    """Prior standard deviation of a law's amplitudes [m or rad]."""
-    if robot.prismatic[law.joint - 1] and law.kind == "smooth" and law.variable == "angle":
-        return _RACK * law.scale
-    return _BALANCER if balances(robot, law) else _WAVE
-
-
 def softer(known: Prior, mechanism: Mechanism) -> Prior:
     """The prior under which bearings, links and rails may turn as much as the gears of the robot.
 
     What is typical of them is of arms of one class, of one maker. Two stiffnesses of one gear still
-    differ by no more than is typical, and play is no more than data sheets state.
+    differ by no more than is typical, and play is no more than data sheets state. A rail may be
+    longer by a part of its length.
     """
-    where, gears = layout(mechanism), mechanism.table.nominal_compliance
+    where, robot = layout(mechanism), mechanism.table
     turns = [
         one.element != "gear" and p.unit.startswith("rad")
         for one in mechanism.elements
         for p in one.parameters
     ]
-    softest, most = gears[~mechanism.table.prismatic].max(initial=0.0), known.most.copy()
+    softest = robot.nominal_compliance[~robot.prismatic].max(initial=0.0)
+    most = known.most.copy()
     own = most[where.yields]
     most[where.yields] = np.where(turns, np.maximum(own, softest), own)
+    for law in mechanism.laws:
+        if robot.prismatic[law.joint - 1] and (law.kind, law.variable) == ("smooth", "angle"):
+            most[known.groups[law]] = max(_WAVE, _RACK * law.scale)
     return replace(known, most=most)
 
 

@@ -300,7 +300,7 @@ def _of_outputs(data: LawSearchData, found: Calibration, judge: LeftOutPoses) ->
     laws = tuple(law for law in found.mechanism.laws if not law_tests.beside_output(law))
     laws += tuple(law for j in joints for law in _series(found, j, laws))
     rest = tuple(one for one in found.wanted.curves if found.mechanism.table.prismatic[one[0]])
-    soft = replace(found.wanted, soft=bool(found.wanted.yields))
+    soft = replace(found.wanted, soft=bool(found.wanted.yields or found.wanted.bed))
     for wanted in (replace(soft, laws=laws, curves=rest), soft):
         if wanted != found.wanted and (best := _likelier(data, found, wanted, judge)):
             return best
