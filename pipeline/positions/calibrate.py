@@ -31,6 +31,7 @@ from pipeline.positions.estimate import (
     promised,
     rougher,
     rows,
+    softer,
     solved,
     unwhitened,
 )
@@ -81,6 +82,8 @@ class ModelStructure:
         moments: Whether masses and first moments of the links are estimated, because the robot file
             states none, or wrong ones.
         bed: Whether the rail has a bed that is not straight.
+        soft: Whether bearings, links and rails may be as soft as gears, and a rail's scale as wrong
+            as racks are.
     """
 
     table: bool = True
@@ -90,6 +93,7 @@ class ModelStructure:
     yields: tuple[Elastic, ...] = ()
     moments: bool = False
     bed: bool = False
+    soft: bool = False
 
     def weighs(self, robot: Robot) -> bool:
         """Whether masses are parameters: nobody states them, or springs depend on stated ones."""
@@ -172,7 +176,7 @@ def calibrate(
     """
     mechanism = _equipped(begun, readings, wanted)
     before = prior(mechanism, stated, weights.payloads)
-    known = _only(_scaled(before, mechanism, known), mechanism, wanted)
+    known = _only(_scaled(before, layout(mechanism).letters, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
     change = np.inf
     for turn in range(_MOST):
@@ -334,16 +338,15 @@ _MOST_DAMPED = 1e6
 """Precision of a damped step over that of the prior, beyond which the step is taken [1]."""
 
 
-def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
-    """The prior `new` with the scales of an earlier estimate, as far as their groups agree."""
+def _scaled(new: Prior, letters: slice, earlier: Prior | None) -> Prior:
+    """The prior `new` with earlier scales of DH parameters, of elements and of laws."""
     if earlier is None:
         return new
     std = new.std.copy()
-    std[layout(mechanism).letters] = earlier.std[: len(new.turns)]
-    if len(earlier.groups) <= len(new.groups):
-        for now, then in zip(new.groups, earlier.groups, strict=False):
-            if now.stop - now.start == then.stop - then.start:
-                std[now] = earlier.std[then]
+    std[letters] = earlier.std[: len(new.turns)]
+    for name, now in new.groups.items():
+        if (then := earlier.groups.get(name)) and then.stop - then.start == now.stop - now.start:
+            std[now] = earlier.std[then]
     return replace(new, std=std, free=earlier.free, returning=earlier.returning)
 
 
@@ -355,7 +358,8 @@ def _only(known: Prior, mechanism: Mechanism, wanted: ModelStructure) -> Prior:
         std[where.letters] = FIXED_SIGMA
     if not wanted.springs:
         std[where.compliance], mean[where.compliance] = FIXED_SIGMA, 0.0
-    return replace(known, std=std, mean=mean)
+    only = replace(known, std=std, mean=mean)
+    return softer(only, mechanism) if wanted.soft else only
 
 
 def _amplitudes(begun: Mechanism, wanted: ModelStructure) -> Array:
@@ -443,9 +447,10 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
     new_masses = mechanism.unknown != found.mechanism.unknown
-    if new_masses or len(known.std) != layout(mechanism).dense:
+    if new_masses or not known.groups or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
-        known = _only(_scaled(new, mechanism, known), mechanism, wanted)
+        known = _scaled(new, layout(mechanism).letters, known)
+    known = _only(known, mechanism, wanted)
     fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
     if not fit.hopeless(wanted, found.held, least):
         fit = fit.rescaled(wanted, _UPDATES, least)

@@ -9,7 +9,7 @@ estimated, too (MacKay, Neural Computation 4, 1992).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import pairwise
@@ -47,6 +47,10 @@ _BALANCER = 1e-3
 """Prior standard deviation of what a balancer turns the shoulder by [rad]: as the arm's weight, a
 nominal spring under its rated torque."""
 
+_RACK = 1e-4
+"""Upper limit of the prior scale of a rail's error of length [1], an estimate: 0.1 mm per metre,
+as what steel expands by in 8 K; racks are joined every metre or two."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prior(Locked):
@@ -58,7 +62,8 @@ class Prior(Locked):
         turns: Which DH parameters are angles, shape (k,).
         free: DH parameters that are off by far more than the others, shape (k,).
         most: Upper limit of `std` for those of `groups`, shape (dense,).
-        groups: Slices of parameters with a common scale, one per elastic element and per law.
+        groups: Slices of parameters with a common scale, one per elastic element, by its
+            label, and one per law.
         stated: Roughness of lengths [m] and of angles [rad] in the robot file; NaN where not
             stated.
         returning: Whether scales of groups that have vanished may grow again.
@@ -71,7 +76,7 @@ class Prior(Locked):
     turns: Bools
     free: Bools
     most: Array
-    groups: tuple[slice, ...]
+    groups: Mapping[Hashable, slice]
     stated: tuple[float, float]
     returning: bool = False
     signed: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -102,8 +107,31 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
     return Prior(
-        mean, std, turns, free, most, tuple(_groups(mechanism)), stated, False, _signed(mechanism)
+        mean, std, turns, free, most, _groups(mechanism), stated, False, _signed(mechanism)
     )
+
+
+def softer(known: Prior, mechanism: Mechanism) -> Prior:
+    """The prior under which bearings, links and rails may turn as much as the gears of the robot.
+
+    What is typical of them is of arms of one class, of one maker. Two stiffnesses of one gear still
+    differ by no more than is typical, and play is no more than data sheets state. A rail may be
+    longer by a part of its length.
+    """
+    where, robot = layout(mechanism), mechanism.table
+    turns = [
+        one.element != "gear" and p.unit.startswith("rad")
+        for one in mechanism.elements
+        for p in one.parameters
+    ]
+    softest = robot.nominal_compliance[~robot.prismatic].max(initial=0.0)
+    most = known.most.copy()
+    own = most[where.yields]
+    most[where.yields] = np.where(turns, np.maximum(own, softest), own)
+    for law in mechanism.laws:
+        if robot.prismatic[law.joint - 1] and (law.kind, law.variable) == ("smooth", "angle"):
+            most[known.groups[law]] = max(_WAVE, _RACK * law.scale)
+    return replace(known, most=most)
 
 
 def _signed(mechanism: Mechanism) -> Bools:
@@ -114,15 +142,13 @@ def _signed(mechanism: Mechanism) -> Bools:
     return out
 
 
-def _groups(mechanism: Mechanism) -> Iterator[slice]:
-    """Slices of the parameters of each elastic element and of each law."""
-    where = layout(mechanism)
-    for start, counts in (
-        (where.yields.start, [len(one.parameters) for one in mechanism.elements]),
-        (where.laws.start, [law.amplitudes for law in mechanism.laws]),
-    ):
-        ends = np.cumsum([start, *counts]).tolist()
-        yield from (slice(a, b) for a, b in pairwise(ends))
+def _groups(mechanism: Mechanism) -> dict[Hashable, slice]:
+    """Slices of the parameters of each elastic element, by its label, and of each law."""
+    where, elements, laws = layout(mechanism), mechanism.elements, mechanism.laws
+    counts = [len(one.parameters) for one in elements], [law.amplitudes for law in laws]
+    ends = np.cumsum([where.yields.start, *counts[0]]), np.cumsum([where.laws.start, *counts[1]])
+    slices = (slice(a, b) for one in ends for a, b in pairwise(one.tolist()))
+    return dict(zip([*(one.label for one in elements), *laws], slices, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -461,7 +487,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
         rest = np.flatnonzero((known.turns == turns) & ~known.free)
         if len(rest):
             std[rest] = max(float(np.sqrt(second[rest].mean())), 1e-6)
-    for one in known.groups:
+    for one in known.groups.values():
         scale = _scale(found.x[one], found.dense_var[one], std[one], known.returning)
         if scale != 1 and _impossible(found.x[one], known.signed[one]):
             scale = _LEAST
@@ -504,7 +530,7 @@ def of_scales(known: Prior, found: Posterior) -> Array:
     Journal of the American Statistical Association 84, 1989).
     """
     C, spread = found.cov, np.zeros_like(found.cov)
-    for one in known.groups:
+    for one in known.groups.values():
         P, off = known.std[one] ** -2, found.x[one] - known.mean[one]
         seen = np.eye(len(P)) - P[:, None] * C[one, one]
         moved = 2 * C[:, one] @ (P * off)

@@ -244,7 +244,7 @@ def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
             yield JointLaw(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
 
 
-def _of_output(law: JointLaw) -> bool:
+def is_of_output(law: JointLaw) -> bool:
     """Whether a wave is of what turns with the joint, whose error is the same after every turn."""
     own = law.kind == "periodic" and law.source == law.joint
     return own and law.order <= _BOLTS and law.order == round(law.order)
@@ -339,7 +339,7 @@ def _of_joints(here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs) -> lis
     """Laws by joint, number of amplitudes and family."""
     kinds: dict[tuple[int, int, bool], list[JointLaw]] = {}
     for law in laws:
-        kinds.setdefault((law.joint, law.amplitudes, _of_output(law)), []).append(law)
+        kinds.setdefault((law.joint, law.amplitudes, is_of_output(law)), []).append(law)
     return [_JointLaws.of(here, kinds[kind], inputs) for kind in sorted(kinds)]
 
 
@@ -369,9 +369,9 @@ def _by_chi_square(every: Sequence[_JointLaws], one: _JointLaws, T: Array | floa
 
     It is multiplied by the number of families.
     """
-    families = [_of_output(each.laws[0]) for each in every]
+    families = [is_of_output(each.laws[0]) for each in every]
     sizes = [len(each.laws) for each in every]
-    mine = _of_output(one.laws[0])
+    mine = is_of_output(one.laws[0])
     count = len(set(families)) * sum(n for n, of in zip(sizes, families, strict=True) if of == mine)
     return np.asarray(count * special.gammaincc(0.5 * one.inverse.shape[1], 0.5 * T))
 
@@ -527,7 +527,7 @@ def law_tests(
     of its family being as large, times the number of families (Bonferroni): from its rank among the
     copies, and beyond them from an extreme-value distribution fitted to them. It is at least that
     of T by chi-square against all laws of the family. Waves of what turns with a joint are one
-    family (`_of_output`), all else is another: a few dozen of the likeliest waves need not stand
+    family (`is_of_output`), all else is another: a few dozen of the likeliest waves need not stand
     out of thousands of other orders.
 
     Args:
@@ -553,7 +553,7 @@ def law_tests(
         of.append((None, joint + 1, each[0], 0.0))
     if not of:
         return []
-    of_output = np.array([law is not None and _of_output(law) for law, *_ in of], dtype=bool)
+    of_output = np.array([law is not None and is_of_output(law) for law, *_ in of], dtype=bool)
     return _least_likely_first([
         LawTest(law, joint, float(t), float(min(max(p, least), 1.0)))
         for (law, joint, t, least), p in zip(of, _beyond_family(of_output, T), strict=True)

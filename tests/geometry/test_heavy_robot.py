@@ -27,10 +27,18 @@ from pipeline.positions import study as of_study
 from pipeline.positions.calibrate import ModelStructure, calibrate
 from pipeline.positions.catalogue_causes import _evidence
 from pipeline.positions.cross_validation import Partition
-from pipeline.positions.estimate import FIXED_SIGMA, Posterior, Prior, prior, rougher, solved
+from pipeline.positions.estimate import (
+    FIXED_SIGMA,
+    Posterior,
+    Prior,
+    prior,
+    rougher,
+    softer,
+    solved,
+)
 from pipeline.positions.gross_errors import corrected, counted_back, turned
 from pipeline.positions.initial import begin
-from pipeline.positions.joint_laws import _share
+from pipeline.positions.joint_laws import LawSearchData, _of_shafts, _share
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.positions.scatter import start
@@ -38,6 +46,7 @@ from pipeline.positions.study import ModelStage, study
 from pipeline.positions.yielding import sizes, yielding
 
 RAIL = "kr500_rail_kuka"
+RAIL_LAW = JointLaw(1, "smooth", "angle", 1, 1.0, 3.0, 3.0)
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
@@ -223,7 +232,7 @@ def test_a_scale_that_has_vanished_returns_where_readings_call_for_it(y, size):
     """Of b, read as y with unit variance, the likeliest variance is y^2 - 1; or none."""
     none = np.zeros(0, dtype=bool)
     known = Prior(
-        np.zeros(1), np.array([0.01]), none, none, np.array([1e3]), (slice(0, 1),),
+        np.zeros(1), np.array([0.01]), none, none, np.array([1e3]), {"": slice(0, 1)},
         (np.nan, np.nan), returning=True,
     )  # fmt: skip
     for _ in range(30):
@@ -238,7 +247,7 @@ def test_play_that_takes_back_what_the_weight_does_vanishes(y, vanishes):
     """Of b >= 0, read as y with unit variance: its scale falls to what the readings do not see."""
     none = np.zeros(0, dtype=bool)
     known = Prior(
-        np.zeros(1), np.ones(1), none, none, np.array([1e3]), (slice(0, 1),), (np.nan, np.nan),
+        np.zeros(1), np.ones(1), none, none, np.array([1e3]), {"": slice(0, 1)}, (np.nan, np.nan),
         signed=np.ones(1, dtype=bool),
     )  # fmt: skip
     for _ in range(10):
@@ -278,6 +287,40 @@ def test_a_balancer_turns_the_shoulder_as_far_as_the_weight_does():
     assert std[4:] == pytest.approx(1.5e-4)
 
 
+def with_elements():
+    """The mechanism of a robot on a rail with everything that yields."""
+    robot, rng = load(RAIL), np.random.default_rng(0)
+    machine = HeavyRobot(robot, np.zeros((8, 6)), Truth(np.zeros(7)))
+    there = begin(robot, read(machine, poses(rng, 1, 2, robot), rng), {})
+    elements = yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(robot.n))
+    return replace(there, elements=elements, yields=np.zeros(len(sizes(elements))))
+
+
+def test_bearings_links_and_rails_may_be_as_soft_as_gears():
+    """Typical rails are a hundred times stiffer; gears and translations stay as usual."""
+    there = with_elements()
+    usually = prior(there, (np.nan, np.nan), NOTHING)
+    at, gears = layout(there).yields, there.table.nominal_compliance[1:].max()
+    names = [p.name for one in there.elements for p in one.parameters]
+    grown = dict(zip(names, softer(usually, there).most[at] / usually.most[at], strict=True))
+
+    assert dict(zip(names, softer(usually, there).most[at], strict=True))["c_roll"] >= gears
+    kinds = ("c_roll", "c_pitch", "c_yaw", "c_tilt", "c_upper", "c_fore")
+    assert {name for name, factor in grown.items() if factor > 1} == {
+        name for name in names if name.startswith(kinds)
+    }
+
+
+def test_a_rail_may_be_longer_by_a_part_of_its_length():
+    there = with_elements()
+    law = JointLaw(1, "smooth", "angle", 1, 1.0, 3.0, 5.0)
+    there = replace(there, laws=(law,), amplitudes=np.zeros(1))
+    usually, at = prior(there, (np.nan, np.nan), NOTHING), layout(there).laws
+
+    assert softer(usually, there).most[at] == pytest.approx(5e-4)
+    assert usually.most[at] < 5e-4
+
+
 def test_a_tool_that_nobody_states_is_as_usual():
     """Half the payload, a quarter of a metre beside the flange's axis or before it."""
     robot = load(RAIL)
@@ -297,6 +340,28 @@ def test_a_wave_is_looked_for_in_what_waves_of_the_model_leave():
     assert _share(f, constant, 9 * q[:, None]) < 0.2
     beside = np.column_stack([constant, np.cos(2 * q), np.sin(2 * q)])
     assert _share(f, beside, 9 * q[:, None]) == pytest.approx(1.0)
+
+
+@pytest.mark.whole
+def test_an_order_is_sharpened_beside_all_that_the_search_has_found():
+    """Of a wave of 40 periods per turn, found as 39.7 while others were missing."""
+    robot, rng = load(RAIL), np.random.default_rng(2)
+    wave = Truth(np.zeros(7), turned=lambda q, tau: 2e-4 * np.sin(40 * q) * (np.arange(7) == 4))
+    readings = read(HeavyRobot(robot, np.zeros((8, 6)), wave), poses(rng, 1, 12, robot), rng)
+    law = JointLaw(5, "periodic", "angle", 5, 39.7)
+    data = LawSearchData(
+        readings, under_weight(len(readings)), (np.nan, np.nan), start(robot, 1e-5)
+    )
+    found = data.identify(
+        begin(robot, readings, stated(rng)), ModelStructure(False, False, laws=(RAIL_LAW, law))
+    )
+
+    better, was = _of_shafts(data, found)
+
+    assert better.mechanism.laws[0] == RAIL_LAW
+    assert better.mechanism.laws[1].order == pytest.approx(40.0, abs=0.1)
+    assert better.likely > found.likely
+    assert len(was) == 2
 
 
 def test_evidence_of_an_element_is_that_of_readings_with_it_over_without():

@@ -10,7 +10,9 @@ def estimated(N, b, scale):
     """A spring with a wide prior, two elements of one group with the given scale, a third alone."""
     std = np.array([1e4, scale, 2 * scale, 0.7])
     none = np.zeros(0, dtype=bool)
-    known = Prior(np.zeros(4), std, none, none, np.full(4, 1e4), (slice(1, 3),), (np.nan, np.nan))
+    known = Prior(
+        np.zeros(4), std, none, none, np.full(4, 1e4), {"": slice(1, 3)}, (np.nan, np.nan)
+    )
     return known, _solve(N, b, 0.0, (np.diag(std**-2.0), 0.0), np.zeros(4), 0)
 
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.positions import joint_laws
-from pipeline.positions.calibrate import ModelStructure, _amplitudes
+from pipeline.positions.calibrate import ModelStructure, _amplitudes, _scaled
+from pipeline.positions.estimate import Prior
 from pipeline.positions.laws import JointLaw
 
 RAIL = JointLaw(1, "smooth", "angle", 1, 1.0)
@@ -23,7 +24,9 @@ class Fit:
     likely: float = 10.0
     known: SimpleNamespace = field(default_factory=lambda: Known())
     readings: SimpleNamespace = field(
-        default_factory=lambda: SimpleNamespace(q=np.array([[0.0, -3.0, -1.0], [5.0, 3.0, 1.0]]))
+        default_factory=lambda: SimpleNamespace(
+            q=np.linspace([0.0, -3.0, -1.0], [5.0, 3.0, 1.0], 600)
+        )
     )
 
     @property
@@ -37,26 +40,41 @@ class Fit:
 class Known:
     """Scales."""
 
-    groups: tuple = (slice(0, 1),)
+    groups: dict = field(default_factory=lambda: {"": slice(0, 1)})
 
 
-def searched(monkeypatch, once=20.0, ends=(20.0, 30.0), good=True):
-    """The end of the search, and whether it is what all waves together gave."""
-    begun = Fit(ModelStructure(laws=(RAIL, *FOUND, COUPLED), curves=((0, 0.1), (2, 0.2))))
-    monkeypatch.setattr(joint_laws, "tried", lambda f, wanted, least: replace(f, likely=once))
+def searched(
+    monkeypatch, once=(20.0, 20.0), ends=(20.0, 30.0), good=True, yields=(), poses=slice(None)
+):
+    """The end of the search, and whether it is what all waves together gave.
+
+    Evidence about one linearisation and at the end, each from the scales of the search and from
+    usual ones.
+    """
+    begun = Fit(
+        ModelStructure(laws=(RAIL, *FOUND, COUPLED), curves=((0, 0.1), (2, 0.2)), yields=yields)
+    )
+    monkeypatch.setattr(
+        joint_laws, "tried", lambda f, wanted, *_: replace(f, likely=once[not f.known.groups])
+    )
 
     def identify(mechanism, wanted, earlier):
         return replace(earlier, wanted=wanted, likely=ends[not earlier.known.groups])
 
+    begun.readings.q = begun.readings.q[poses]
     data = SimpleNamespace(identify=identify)
     judge = SimpleNamespace(as_good=lambda one, other: good)
     return begun, joint_laws._of_outputs(data, begun, judge)
 
 
-@pytest.mark.parametrize("ends", [(20.0, 30.0), (30.0, 20.0)])
-def test_all_whole_orders_take_the_place_of_others_and_of_curves(monkeypatch, ends):
-    """From both starts, the likelier one; not those of shafts, nor over less than half a wave."""
-    _, end = searched(monkeypatch, ends=ends)
+@pytest.mark.parametrize(("once", "ends"), [((5.0, 20.0), (0.0, 30.0)), ((20.0, 15.0), (30.0, 0.0)),
+                                            ((20.0, 25.0), (30.0, 5.0))])  # fmt: skip
+def test_all_whole_orders_take_the_place_of_others_and_of_curves(monkeypatch, once, ends):
+    """From either start, the likelier first; not those of shafts, nor over less than half a wave.
+
+    Scales that have vanished in the search make all waves unlikely from where it ended.
+    """
+    _, end = searched(monkeypatch, once, ends)
     orders = {
         joint: sorted(law.order for law in end.wanted.laws if law.joint == joint)
         for joint in (2, 3)
@@ -67,16 +85,75 @@ def test_all_whole_orders_take_the_place_of_others_and_of_curves(monkeypatch, en
     assert orders[3] == sorted([COUPLED.order, *map(float, range(2, 13))])
     assert end.wanted.laws[0] == RAIL
     assert end.wanted.curves == ((0, 0.1),)
+    assert not end.wanted.soft
 
 
 @pytest.mark.parametrize(
-    "worse", [{"once": 5.0}, {"ends": (5.0, 6.0)}, {"good": False}], ids=lambda one: next(iter(one))
+    "worse",
+    [{"once": (5.0, 6.0)}, {"ends": (5.0, 6.0)}, {"good": False}],
+    ids=lambda one: next(iter(one)),
 )
 def test_they_are_left_out_where_they_gain_nothing(monkeypatch, worse):
     """By one linearisation, at the end, or at held-out poses."""
     begun, end = searched(monkeypatch, **worse)
 
     assert end is begun
+
+
+def test_few_poses_are_estimated_to_the_end_before_it_is_said_that_waves_gain_nothing(monkeypatch):
+    """Four updates of sixty scales are no end: they left the likelier structure 120 behind."""
+    _, end = searched(monkeypatch, once=(5.0, 6.0), poses=slice(0, None, 6))
+
+    assert end.likely == 30.0
+
+
+def test_bearings_and_rails_may_be_as_soft_as_gears_at_the_end(monkeypatch):
+    """Once waves and curves are known, which a wide prior would take the signal of."""
+    _, end = searched(monkeypatch, yields=("rail_roll",))
+
+    assert end.wanted.soft
+
+
+@pytest.mark.parametrize(("likely", "order"), [(11.0, 40.0), (9.0, 39.75)])
+def test_orders_of_shafts_are_those_of_the_end_if_readings_are_likelier_so(
+    monkeypatch, likely, order
+):
+    """A law keeps the probability that the search found, by its key."""
+    begun = Fit(ModelStructure(laws=(RAIL, replace(FOUND[2], order=39.75))))
+
+    def sharp(found, number):
+        law = found.mechanism.laws[number]
+        return replace(law, order=40.0) if law.order > 12 else law
+
+    monkeypatch.setattr(joint_laws, "_resharpened", sharp)
+    data = SimpleNamespace(
+        identify=lambda mechanism, wanted, earlier: replace(earlier, wanted=wanted, likely=likely)
+    )
+
+    found, was = joint_laws._of_shafts(data, begun)
+
+    assert found.wanted.laws[1].order == order
+    assert {now[4]: then[4] for now, then in was.items()} == (
+        {1.0: 1.0, 40.0: 39.75} if was else {}
+    )
+    assert bool(was) == (order == 40.0)
+
+
+def prior_of(laws):
+    """Prior of the two amplitudes of each law, all of size one."""
+    none, size = np.zeros(0, dtype=bool), 2 * len(laws)
+    groups = {law: slice(2 * k, 2 * k + 2) for k, law in enumerate(laws)}
+    return Prior(np.zeros(size), np.ones(size), none, none, np.ones(size), groups, (np.nan, np.nan))
+
+
+def test_scales_stay_with_their_laws():
+    """Whichever laws come before them; new ones begin as usual."""
+    other = JointLaw(3, "periodic", "angle", 3, 5.0)
+    earlier = replace(prior_of(FOUND), std=np.repeat([1e-5, 2e-5, 3e-5], 2))
+
+    now = _scaled(prior_of((FOUND[2], other, FOUND[0])), slice(0, 0), earlier)
+
+    assert now.std.tolist() == np.repeat([3e-5, 1.0, 1e-5], 2).tolist()
 
 
 def test_laws_begin_with_the_amplitudes_that_they_have():
