@@ -554,23 +554,32 @@ def _better(
     task: SearchTask, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """The causes after the best possible move to a set not yet tried; None if there is none."""
-    accepted = view.model.accepted
-    most = 2 if limit and len(accepted) < _MOST else 0
-    outs = [out for count in (1, 2) for out in combinations(range(len(accepted)), count)]
-    gains = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
-    gains.sort(key=lambda one: (-compared(one.gain), one.out, one.into))
-    moves = ((move, move.of(task.suspects, accepted)) for move in gains)
-    fresh = ((move, after) for move, after in moves if frozenset(after) not in tried)
-    for move, after in islice(fresh, _ASKED):
+    for move, after in islice(_untried(task, view, tried, limit), _ASKED):
         least = limit if len(move.into) > len(move.out) else 1.0
         possible = all(_may_stand(task, view, after, i, least) for i in move.into)
-        if possible and (not move.into or _gains(task, view, move)):
+        if possible and _gains(task, view, move):
             return after
     return None
 
 
+def _untried(
+    task: SearchTask, view: Whitened, tried: Set[frozenset[int]], limit: float
+) -> Iterator[tuple[_Move, tuple[int, ...]]]:
+    """Moves that gain to sets not yet tried, the best first, and the causes after them."""
+    accepted = view.model.accepted
+    most = 2 if limit and len(accepted) < _MOST else 0
+    outs = [out for count in (1, 2) for out in combinations(range(len(accepted)), count)]
+    gains = [m for out in outs for m in _moves(task, view, out, most) if m.gain > _BETTER]
+    for move in sorted(gains, key=lambda one: (-compared(one.gain), one.out, one.into)):
+        after = move.of(task.suspects, accepted)
+        if frozenset(after) not in tried:
+            yield move, after
+
+
 def _gains(task: SearchTask, view: Whitened, move: _Move) -> bool:
     """Whether a move has a gain where those that leave do not act."""
+    if not move.into:
+        return True
     gone = [view.model.accepted[place] for place in move.out]
     rest = [a for a in view.model.accepted if a not in gone]
     there = task.without(view, {*gone})
@@ -603,7 +612,7 @@ def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) ->
     for i in free:
         yield _Move(float(now.log_evidence[i]) - LEAST_EVIDENCE - mine, out, (i,))
     if max(len(out), most) > 1:
-        stays = {task.suspects[i].label for i in gone} if len(out) == 1 else set()
+        stays = [task.suspects[i].label for i in gone[: 2 - len(out)]]
         free = [i for i in free if task.suspects[i].label not in stays]
         for pair, evidence in _in_pairs(task, view, rest, now, free):
             yield _Move(evidence - 2 * LEAST_EVIDENCE - mine, out, pair)

@@ -235,10 +235,7 @@ def _of_all_else(
     signs: Array,
     judge: LeftOutPoses,
 ) -> tuple[Calibration, dict[_Key, float]]:
-    """Estimate with further laws, the likeliest first while they carry over, and their p-values.
-
-    Whether one does is first judged about one linearisation.
-    """
+    """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
     p: dict[_Key, float] = {}
     free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
     adopted = refused = 0
@@ -247,16 +244,26 @@ def _of_all_else(
         if not left or left[0].p >= alarms.LAW or left[0].law is None:
             break
         law = law_tests.sharpened(found, left[0].law)
-        new = (*found.mechanism.laws, law)
-        more = tried(found, replace(found.wanted, laws=new))
-        part = _of_law(more.mechanism, len(new) - 1)
-        if judge.carries(more, part, law.once):
-            more = data.identify(more.mechanism, more.wanted, more)
-            if judge.carries(more, part, law.once):
-                found, p[_key(law)] = more, left[0].p
-        adopted, refused = (adopted + 1, refused) if found is more else (adopted, refused + 1)
+        more = _carried(data, found, law, judge)
+        if more is found:
+            refused += 1
+        else:
+            found, adopted, p[_key(law)] = more, adopted + 1, left[0].p
         free = [one for one in free if not _alike(one, left[0].law)]
     return found, p
+
+
+def _carried(
+    data: LawSearchData, found: Calibration, law: JointLaw, judge: LeftOutPoses
+) -> Calibration:
+    """The estimate with a further law if that carries over, first about one linearisation."""
+    new = (*found.mechanism.laws, law)
+    more = tried(found, replace(found.wanted, laws=new))
+    part = _of_law(more.mechanism, len(new) - 1)
+    if not judge.carries(more, part, law.once):
+        return found
+    more = data.identify(more.mechanism, more.wanted, more)
+    return more if judge.carries(more, part, law.once) else found
 
 
 def _better(
