@@ -160,7 +160,8 @@ def _away(moved: PullMoves, change: _Change, start: Array) -> float:
 def _decided(moved: PullMoves, change: _Change) -> _Change | None:
     """The change in those rows that contradict the others as logged and agree in the unit.
 
-    None where they are not several, as many others still contradict, or most pulls do not agree.
+    None where they are not several, as many others still contradict, most pulls do not agree, or no
+    others are N for certain: weak pulls agree in either unit.
     Single numbers that are too large have lost their decimal point instead.
     """
     fit, force = change.fit(moved), moved.force
@@ -169,7 +170,8 @@ def _decided(moved: PullMoves, change: _Change) -> _Change | None:
     change = replace(change, wrong=wrong)
     fit, right = change.fit(moved), change.right(moved)
     most = _ROWS <= wrong.sum() > (~_agree(moved, fit, right.force)).sum()
-    several = most and wrong.sum() <= len(wrong) - _ROWS
+    agree, in_unit = (_agree(moved, fit, f * force) for f in (1.0, change.factor))
+    several = most and (agree & ~in_unit).sum() >= _ROWS
     happens = change.sign == 1 or change.ends[0]
     return change if several and happens and fit.model <= USUAL_MISFIT else None
 

@@ -12,6 +12,8 @@ from pipeline.faults.exchanged import misplaced
 from pipeline.faults.mistake import lines_of
 from pipeline.faults.scale_rows import scale_rows
 from pipeline.faults.unit_since import unit_since
+from pipeline.simulate import simulate
+from pipeline.simulate.plan import Plan
 
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
 
@@ -95,6 +97,24 @@ def test_forces_of_rows_here_and_there_in_another_unit():
     assert found.at == tuple(f"loads.csv:{k + 2}" for k in odd)
     assert "in 9 rows the numbers of the scale are lbf" in found.evidence
     same(found.correct(made), case(files(2)))
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("seed", range(12))
+def test_weak_pulls_that_agree_in_either_unit_are_no_others(seed):
+    """All forces in kgf: no part of the rows is in another unit than the rest, which is weak."""
+    plan = Plan(
+        name="weak",
+        seed=seed,
+        poses={"count": 12},
+        pulls={"steps_n": [60.0, 1200.0, 3000.0, 2000.0]},
+        hidden={"stiffness_spread": 0.3},
+    )
+    right = dict(simulate(plan).files)
+    head, rows = table(right, "loads.csv")
+    new = [[*row[:2], repr(float(row[2]) / NEWTONS["kgf"]), *row[3:]] for row in rows]
+
+    assert scale_rows(asked(case(written(right, "loads.csv", head, new)))) == []
 
 
 @pytest.mark.parametrize("copies", [[4, 10, 17], [1, 5, 6, 7, 13, 14]])
