@@ -212,6 +212,23 @@ def test_a_law_that_nobody_listed_is_found():
     rippled(json.loads(diagnosis_of_good_data(found, KR500).model_dump_json()))
 
 
+@pytest.mark.whole
+def test_a_scale_that_lost_a_third_by_the_end_is_named_however_much_that_is():
+    """Written into the log: the last row reads a third more than was pulled, the first is right."""
+    files = dict(simulate(Plan(name="drifts", seed=5, poses={"count": 12})).files)
+    head, *rows = [row.split(",") for row in files["loads.csv"].decode().splitlines()]
+    at = head.index("force_n")
+    for k, row in enumerate(rows):
+        row[at] = f"{float(row[at]) * (1 + k / (len(rows) - 1) / 3):.2f}"
+    files["loads.csv"] = ("\n".join(",".join(row) for row in [head, *rows]) + "\n").encode()
+
+    said = campaign_answer("drifts", in_memory(files)).answer
+
+    (cause,) = [one for one in said.diagnosis.causes if one.name == "unlisted_law"]
+    assert (cause.where, cause.law.variable, cause.law.order) == ("scale", "time", 1)
+    assert cause.parameters[0].value == pytest.approx(1 / 7, rel=0.05)  # half of 1 to 3/4, of 7/8
+
+
 @pytest.mark.slow
 def test_a_law_that_nobody_listed_is_in_the_answer():
     """For the same machine, and the judge agrees."""

@@ -77,9 +77,6 @@ _GUIDES = {
 _ZERO_N = 20.0
 """Typical jump of a scale's zero [N], as of `scale_zero`."""
 
-_MOST = 20.0
-"""Bound on an amplitude, in multiples of its typical magnitude [1]."""
-
 
 @lru_cache(maxsize=2)
 def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ...]:
@@ -327,7 +324,6 @@ def _between(each: Array, most: int = _STEPS) -> list[float]:
 
 def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[str, object]:
     """Description common to all laws; words are added later."""
-    most = _MOST * typical
     return {
         "name": NAME,
         "where": law.where,
@@ -335,7 +331,7 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
         "place": place,
         "form": law.form,
         "parameters": tuple(
-            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most, AMPLITUDE)
+            Parameter(f"b_{law.where}_{k}", unit, typical, -np.inf, np.inf, AMPLITUDE)
             for k in range(names)
         ),
         "signature": "",
