@@ -216,12 +216,12 @@ SIZES = [
 
 @pytest.mark.parametrize(("one", "count", "unit", "typical"), SIZES)
 def test_a_law_has_as_many_amplitudes_as_its_shapes(one, count, unit, typical):
-    """Of a size that is usual there, up to twenty times that, either way."""
+    """Of a size that is usual there, either way, and as large as the data say."""
     made = unlisted.effect(RAIL, one)
     assert len(made.parameters) == count
     for p in made.parameters:
         assert (p.unit, p.typical) == (unit, pytest.approx(typical))
-        assert (p.lower, p.upper) == pytest.approx((-20 * typical, 20 * typical))
+        assert (p.lower, p.upper) == (-np.inf, np.inf)
     assert made.tolerance == 0.1
     if hasattr(made, "carrier"):
         at = here()
