@@ -20,7 +20,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.positions.calibrate import Calibration
-from pipeline.positions.estimate import ReadRows, rows, solved
+from pipeline.positions.estimate import Posterior, ReadRows, rows, solved
 from pipeline.positions.left_out import distances
 from pipeline.positions.mechanism import ArmWeights, Linear, linearised
 from pipeline.positions.readings import PositionReadings
@@ -57,7 +57,7 @@ def find_outliers(
     """Find the outliers, testing each reading given those in `held`.
 
     In each pose only the worst outlier is added, since it may distort others of its pose. A reading
-    in `held` is tested with the other held readings of its pose left out, and may be reinstated.
+    in `held` is compared with its prediction by all that are not, and may be reinstated.
 
     Args:
         found: The model, estimated without the readings in `held`.
@@ -69,7 +69,7 @@ def find_outliers(
     which, p = _farthest(free), free.p(free.variance)
     for layer in range(int(held.sum(axis=1).max(initial=0))):
         back = held & (np.cumsum(held, axis=1) == layer + 1)
-        one = _Asked.of(found, readings, weights, held & ~back)
+        one = _Asked.of(found, readings, weights, held & ~back, free.estimate)
         which = np.where(back, one.far(free.variance), which)
         p = np.where(back, one.p(free.variance), p)
     here = linearised(readings, found.mechanism, weights)
@@ -84,22 +84,32 @@ class _Asked(Locked):
         drop: Decrease of the sum of squares if it is an outlier, shape (m, t).
         rank: Number of its testable directions, 0 where it is not tested, shape (m, t).
         dof: Rows minus parameters.
+        estimate: The estimate that they are compared with.
     """
 
     drop: Array
     rank: Ints
     dof: int
+    estimate: Posterior
 
     @classmethod
     def of(
-        cls, found: Calibration, readings: PositionReadings, weights: ArmWeights, without: Bools
+        cls,
+        found: Calibration,
+        readings: PositionReadings,
+        weights: ArmWeights,
+        without: Bools,
+        by: Posterior | None = None,
     ) -> _Asked:
+        """Of all readings but those in `without`, which determine the estimate, or by another."""
         at = np.where(without[..., None], np.nan, readings.at)
         readings = replace(readings, at=at)
         here = linearised(readings, found.mechanism, weights)
         white = rows(here, found.mechanism, found.scatter)
-        drop, rank = _each(white, _columns(white.W, here, readings.six), found)
-        return cls(drop, rank, int(readings.read.sum()) - white.D.shape[2])
+        columns, sign = _columns(white.W, here, readings.six), 1.0 if by else -1.0
+        by = by or solved(white, found.mechanism, found.known)
+        drop, rank = _each(white, columns, by, sign)
+        return cls(drop, rank, int(readings.read.sum()) - white.D.shape[2], by)
 
     @property
     def variance(self) -> float:
@@ -135,12 +145,16 @@ def _columns(W: Array, here: Linear, six: Bools) -> Array:
     return each if six.any() else each[..., :3]
 
 
-def _each(white: ReadRows, D: Array, found: Calibration) -> tuple[Array, Ints]:
-    """Decrease of the sum of squares by each suspect alone, and its rank, (m, t) each."""
-    solution = solved(white, found.mechanism, found.known)
-    e = white.y - white.along(solution.x)
+def _each(white: ReadRows, D: Array, by: Posterior, sign: float) -> tuple[Array, Ints]:
+    """Decrease of the sum of squares by each suspect alone, and its rank, (m, t) each.
+
+    T = g' (D'D + s D' X C X' D)^+ g, g = D' e, with C the covariance of the estimate. D'D is the
+    inverse covariance of a reading given all others of its pose, (D'D)^-1 g its deviation from what
+    they let expect. The sign s is -1 for readings that the estimate rests on, else 1.
+    """
+    e = white.y - white.along(by.x)
     whole = np.einsum("mrti,mrtj->mtij", D, D)
-    held = np.einsum("mrti,mrs,mstj->mtij", D, white.variance(solution), D, optimize=True)
-    cov, rank = linear.left(whole - held, np.einsum("mtii->mti", whole))
+    known = np.einsum("mrti,mrs,mstj->mtij", D, white.variance(by), D, optimize=True)
+    cov, rank = linear.left(whole + sign * known, np.einsum("mtii->mti", whole))
     g = np.einsum("mrti,mr->mti", D, e)
     return np.einsum("mti,mtij,mtj->mt", g, cov, g), rank

@@ -14,7 +14,7 @@ def asked(drop, others):
     """A reading of two directions beside others that fit as they should."""
     rest = np.full((others, 1), 1.4)
     rank = np.full((others + 1, 1), 2)
-    return _Asked(np.vstack([[[drop]], rest]), rank, 10_000)
+    return _Asked(np.vstack([[[drop]], rest]), rank, 10_000, None)
 
 
 def test_a_reading_has_to_be_farther_off_the_more_are_tested():
