@@ -104,6 +104,8 @@ class Work:
         var = np.sum((self.springs @ inverse[:s, :s]) * self.springs, axis=2)
         spread = np.sqrt(np.sum((normal @ now.cov[mine]) * normal, axis=2) + var)
         value = offset + np.einsum("nmk,nk->nm", normal, now.size[mine])
-        least = np.arange(len(mine)), np.argmin(value / np.maximum(spread, _NOTHING), axis=1)
+        loaded = spread > _NOTHING  # a pull without a load there would seem the closest
+        away = np.where(loaded, value / np.where(loaded, spread, 1.0), np.inf)
+        least = np.arange(len(mine)), np.argmin(away, axis=1)
         out.offset[mine], out.normal[mine], out.var[mine] = offset[least], normal[least], var[least]
         return out

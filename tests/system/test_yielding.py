@@ -1,0 +1,42 @@
+"""The bound on what changes a spring: no pull may make it yield against its load."""
+
+import numpy as np
+import pytest
+
+from pipeline.system.score_tests import by_products
+from pipeline.system.yielding import Work
+
+
+def bound(unloaded):
+    """Of a spring, and of what changes it by g, from thirty pulls and some that do not load it."""
+    rng = np.random.default_rng(1)
+    tau, g = np.append(rng.uniform(0.5, 1, 30), np.zeros(unloaded)), rng.uniform(-1, 1, 30)
+    g = np.append(g, np.zeros(unloaded))
+    A = np.column_stack([tau, tau * g, 20 * tau + rng.normal(size=30 + unloaded) * (tau > 0)])
+    M, base, at = A.T @ A, np.array([0]), np.array([[1]])
+    work = Work(np.array([0]), (tau**2)[None, :, None], (tau**2 * g)[None, :, None])
+    return work.bound(M, base, at, by_products(M, base, at, 29))
+
+
+def test_pulls_that_do_not_load_a_spring_do_not_bound_it():
+    """A weight does no work at a rail, whatever the size: that is not the closest bound.
+
+    Planted bug: the nearest half-space was that of a pull without a load, 0 >= 0.
+    """
+    found, other = bound(0), bound(2)
+
+    assert found.offset[0] > 0
+    for name in ("offset", "normal", "var"):
+        assert getattr(other, name) == pytest.approx(getattr(found, name))
+
+
+def test_without_any_load_there_is_no_bound():
+    """Neither more nor less than nothing is left, whatever the size."""
+    work = Work(np.array([0]), np.zeros((1, 3, 1)), np.zeros((1, 3, 1)))
+    M, base, at = np.diag([1.0, 1.0, 2.0]), np.array([0]), np.array([[1]])
+
+    found = work.bound(M, base, at, by_products(M, base, at, 5))
+
+    left, std = found.distance(np.array([[3.0]]), np.eye(1)[None])
+    assert left == 0
+    assert 0 < std < 1e-50
