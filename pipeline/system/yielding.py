@@ -26,6 +26,10 @@ from pipeline.system.score_tests import ScoreTests
 _NOTHING = 1e-100
 """Lower limit of a standard uncertainty, which keeps quotients finite."""
 
+_ROUNDED = 1e-12
+"""Part of the work of a pull at several springs that is rounding [1]: their torques carry more than
+six digits."""
+
 
 @dataclass(frozen=True, eq=False)
 class Yielding:
@@ -42,7 +46,7 @@ class Yielding:
     var: Array
 
     def distance(self, size: Array, cov: Array) -> tuple[Array, Array]:
-        """O + n' z and its standard uncertainty at unit variance of the rows, shape (..., n).
+        """The work o + n' z and its standard uncertainty at unit variance of the rows, (..., n).
 
         Args:
             size: z, shape (..., n, k).
@@ -87,6 +91,8 @@ class Work:
     def bound(self, M: Array, base: Ints, at: Ints, now: ScoreTests) -> Yielding:
         """The bounds in addition to one base.
 
+        A pull bounds what it loads, and only where the data determine the springs there.
+
         Args:
             M: Products of whitened columns, the last one c, shape (W, W).
             base: Columns of the base, those of the springs first.
@@ -97,15 +103,19 @@ class Work:
         mine, s = self.suspects, self.springs.shape[2]
         if not len(mine):
             return out
-        inverse, there = linear.inverse(M[np.ix_(base, base)]), at[mine, None]
-        R = inverse[:s] @ (M[base[:, None], there] * (there >= 0))
-        offset = np.maximum(self.springs @ (inverse[:s] @ M[base, -1]), 0.0)
-        normal = self.own - self.springs @ R
-        var = np.sum((self.springs @ inverse[:s, :s]) * self.springs, axis=2)
+        cov, there = linear.covariance(M[np.ix_(base, base)])[:s], at[mine, None]
+        lost = np.isinf(np.diag(cov))
+        cov[lost] = 0.0
+        offset = np.maximum(self.springs @ (cov @ M[base, -1]), 0.0)
+        normal = self.own - self.springs @ (cov @ (M[base[:, None], there] * (there >= 0)))
+        var = np.sum((self.springs @ cov[:, :s]) * self.springs, axis=2)
         spread = np.sqrt(np.sum((normal @ now.cov[mine]) * normal, axis=2) + var)
+        unknown = self.springs[:, :, lost] > _ROUNDED * self.springs.max(axis=2, keepdims=True)
+        bounds = (spread > _NOTHING) & ~unknown.any(axis=2)
         value = offset + np.einsum("nmk,nk->nm", normal, now.size[mine])
-        loaded = spread > _NOTHING  # a pull without a load there would seem the closest
-        away = np.where(loaded, value / np.where(loaded, spread, 1.0), np.inf)
-        least = np.arange(len(mine)), np.argmin(away, axis=1)
-        out.offset[mine], out.normal[mine], out.var[mine] = offset[least], normal[least], var[least]
+        away = np.where(bounds, value / np.where(bounds, spread, 1.0), np.inf)
+        some = np.flatnonzero(bounds.any(axis=1))
+        nearest = some, np.argmin(away[some], axis=1)
+        out.offset[mine[some]], out.normal[mine[some]] = offset[nearest], normal[nearest]
+        out.var[mine[some]] = var[nearest]
         return out

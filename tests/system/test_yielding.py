@@ -37,6 +37,22 @@ def test_without_any_load_there_is_no_bound():
 
     found = work.bound(M, base, at, by_products(M, base, at, 5))
 
-    left, std = found.distance(np.array([[3.0]]), np.eye(1)[None])
-    assert left == 0
-    assert 0 < std < 1e-50
+    assert found.distance(np.array([[3.0]]), np.eye(1)[None])[0] == np.inf
+
+
+def test_a_spring_that_the_pulls_do_not_determine_bounds_nothing():
+    """Of two springs only the sum is known: either may be all of it, and change by as much.
+
+    Planted bug: each had half of it, for certain, and a change by 0.8 of the sum was refused.
+    """
+    rng = np.random.default_rng(1)
+    tau, g = rng.uniform(0.5, 1, 40), np.append(-1, rng.uniform(-1, 1, 39))
+    A = np.column_stack([tau, tau, tau * g, 20 * tau + 16 * tau * g + 0.3 * rng.normal(size=40)])
+    M, base, at = A.T @ A, np.array([0, 1]), np.array([[2]])
+    springs = np.stack([tau**2, np.zeros(40)], axis=1)
+    now = by_products(M, base, at, 39)
+
+    found = Work(np.array([0]), springs[None], (tau**2 * g)[None, :, None]).bound(M, base, at, now)
+
+    left, std = found.distance(now.size, now.cov)
+    assert left > -2 * std
