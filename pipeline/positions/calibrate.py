@@ -271,7 +271,7 @@ class _LinearFit:
         mechanism = larger(self.mechanism, self.found)
         known = _only(rougher(self.known, self.found), self.mechanism, wanted)
         gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
-        then = replace(self, mechanism=mechanism, known=known, white=self.rows)
+        then = replace(self, mechanism=mechanism, known=known, flat=False, white=self.rows)
         if not scatters:
             return then, gain
         scatter, by_scatter = again(self.rows, self.here, self.found, self.scatter)
