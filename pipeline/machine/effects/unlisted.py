@@ -692,10 +692,8 @@ def _aslant(law: Law, loaded: Loaded) -> Array:
     any frame.
     """
     x, y, z = direction(loaded).T
-    if law.order == 1.0:
-        return np.stack([x, y, z], axis=1)
-    of = [x * y, y * z, z * x, (x * x - y * y) / 2, np.sqrt(0.75) * (z * z - 1 / 3)]
-    return np.asarray(np.sqrt(5.0) * np.stack(of, axis=1))
+    even = [x * y, y * z, z * x, (x * x - y * y) / 2, np.sqrt(0.75) * (z * z - 1 / 3)]
+    return np.stack([x, y, z] if law.order == 1.0 else np.sqrt(5.0) * np.array(even), axis=1)
 
 
 def _uniform(law: Law, values: Array) -> float:
