@@ -598,6 +598,7 @@ def _may_stand(
 def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
     """All moves in which the causes `out` leave and none, one, or a pair takes their places.
 
+    That with none is the first, if any cause is left.
     Pairs are tried where two leave, or where `most` is two: two others then, since one that stays
     and one beside it would be an addition, for which the law of the first is uncertain.
     """
@@ -612,7 +613,7 @@ def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) ->
     for i in free:
         yield _Move(float(now.log_evidence[i]) - LEAST_EVIDENCE - mine, out, (i,))
     if max(len(out), most) > 1:
-        stays = [task.suspects[i].label for i in gone[: 2 - len(out)]]
+        stays = [task.suspects[i].label for i in gone] if len(out) == 1 else []
         free = [i for i in free if task.suspects[i].label not in stays]
         for pair, evidence in _in_pairs(task, view, rest, now, free):
             yield _Move(evidence - 2 * LEAST_EVIDENCE - mine, out, pair)

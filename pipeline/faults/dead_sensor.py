@@ -81,7 +81,7 @@ def dead(asked: Screening) -> list[Mistake]:
 def _still(case: Case, data: Measured, moved: Array) -> list[Mistake]:
     """Displacements that no possible stiffnesses relate to the loads.
 
-    All of them, or runs of consecutive ones, of all targets or of one, as by `_dead_run`.
+    All of them, or runs of consecutive ones, of all targets or of one, as by `_dead_runs`.
     """
     if _unrelated(moved, data.delta):
         return [_of_still(case, data, moved, np.arange(len(moved)))]
@@ -90,9 +90,9 @@ def _still(case: Case, data: Measured, moved: Array) -> list[Mistake]:
     for target in (None, *(() if data.poses else np.unique(data.target))):
         while True:
             mine = left if target is None else left[data.target[left] == target]
-            part, follows = _dead_run(due[mine], seen[mine])
-            run = mine[part]
-            if not _unrelated(moved[run], data.delta[run], max(_STIFF, _PART * follows)):
+            runs = ((mine[part], least) for part, least in _dead_runs(due[mine], seen[mine]))
+            still = (run for run, least in runs if _unrelated(moved[run], data.delta[run], least))
+            if (run := next(still, None)) is None:
                 break
             found.append(_of_still(case, data, moved, run))
             left = left[~np.isin(left, run)]
@@ -121,24 +121,23 @@ def _as_read(case: Case, data: Measured) -> Ints:
     return np.argsort(place[data.pull], kind="stable")
 
 
-def _dead_run(due: Array, seen: Array) -> tuple[slice, float]:
-    """Consecutive displacements that are least squares' zeros, and how the others follow the loads.
+def _dead_runs(due: Array, seen: Array) -> Iterator[tuple[slice, float]]:
+    """Runs of displacements that may be zeros, and the fraction of m that none falls short of.
 
-    m the displacement with typical stiffnesses and d the measured one: d = 0 in the run and b m
-    beside it, hence that of greatest sum b m'm / 2 - m'd; b / 2 is 1 / 10 at first, then from the
-    others.
+    m the displacement with typical stiffnesses and d the measured one: by least squares d = 0 in
+    the run and b m beside it, hence that of greatest sum b m'm / 2 - m'd. First with b from the
+    others, of which no part is ten times as stiff as the rest. Then with b / 2 a tenth: by the
+    first sum, neighbours twice as stiff as the rest would belong to the run.
 
     Args:
         due: m'm [m^2], shape (d,).
         seen: m'd [m^2], shape (d,).
-
-    Returns:
-        The run, and b of the others [1]: no part of a campaign is ten times as stiff as the rest.
     """
     run = _greatest(_PART * due - seen)
     others = np.delete(np.arange(len(due)), run)
     follows = float(np.sum(seen[others]) / max(np.sum(due[others]), 1e-300))
-    return _greatest(max(follows / 2, _PART) * due - seen), follows
+    yield _greatest(max(follows / 2, _PART) * due - seen), max(_STIFF, _PART * follows)
+    yield run, _STIFF
 
 
 def _greatest(gain: Array) -> slice:

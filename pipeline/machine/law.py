@@ -22,8 +22,8 @@ class Law:
         variable: Independent variable: angle [rad], torque [N m], position [m] along the rail,
             direction of the force [1], time [s], force [N].
         source: Joint whose angle, torque or position that is, from 1; 0 for all else.
-        order: Periods per turn, or per metre; power of a smooth law; of a step 0 if it acts above
-            `at`, 1 if it acts below.
+        order: Periods per turn, or per metre; power of a smooth law, order of the harmonics of a
+            direction; of a step 0 if it acts above `at`, 1 if it acts below.
         low: Smallest value of the variable in the data.
         high: Largest value of the variable in the data.
         at: Position of a step or a knee, in the unit of the variable.

@@ -31,6 +31,7 @@ from pipeline.positions.estimate import (
     promised,
     rougher,
     rows,
+    scale_groups,
     softer,
     solved,
     unwhitened,
@@ -270,7 +271,7 @@ class _LinearFit:
         mechanism = larger(self.mechanism, self.found)
         known = _only(rougher(self.known, self.found), self.mechanism, wanted)
         gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
-        then = replace(self, mechanism=mechanism, known=known, white=self.rows)
+        then = replace(self, mechanism=mechanism, known=known, flat=False, white=self.rows)
         if not scatters:
             return then, gain
         scatter, by_scatter = again(self.rows, self.here, self.found, self.scatter)
@@ -447,7 +448,8 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
         here = linearised(found.readings, mechanism, found.weights)
     known = found.known
     new_masses = mechanism.unknown != found.mechanism.unknown
-    if new_masses or not known.groups or len(known.std) != layout(mechanism).dense:
+    others = known.groups != scale_groups(mechanism)  # as many amplitudes may be of other laws
+    if new_masses or others or len(known.std) != layout(mechanism).dense:
         new = prior(mechanism, known.stated, found.weights.payloads)
         known = _scaled(new, layout(mechanism).letters, known)
     known = _only(known, mechanism, wanted)

@@ -107,7 +107,7 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     most = std.copy()
     most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
     return Prior(
-        mean, std, turns, free, most, _groups(mechanism), stated, False, _signed(mechanism)
+        mean, std, turns, free, most, scale_groups(mechanism), stated, False, _signed(mechanism)
     )
 
 
@@ -142,7 +142,7 @@ def _signed(mechanism: Mechanism) -> Bools:
     return out
 
 
-def _groups(mechanism: Mechanism) -> dict[Hashable, slice]:
+def scale_groups(mechanism: Mechanism) -> dict[Hashable, slice]:
     """Slices of the parameters of each elastic element, by its label, and of each law."""
     where, elements, laws = layout(mechanism), mechanism.elements, mechanism.laws
     counts = [len(one.parameters) for one in elements], [law.amplitudes for law in laws]

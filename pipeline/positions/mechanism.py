@@ -411,7 +411,7 @@ class Linear(Locked):
 
     @cached_property
     def seen(self) -> tuple[Array, Array, Array, Bools]:
-        """These rows of y (m, r), D (m, r, dense), Z (m, r, n), and which were read (m, r)."""
+        """These rows of y (m, r), D (m, r, dense) and Z, and which were read (m, r)."""
         (D, Z), read = self._by_all, self.read[:, self.used]
         return self.y[:, self.used], D, Z, np.asarray(read, dtype=bool)
 

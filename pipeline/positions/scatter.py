@@ -85,23 +85,25 @@ def likeliest_variances(of: _Likelihood, now: Array, free: Bools) -> tuple[Array
     here = begun = of(v)
     for _ in range(_STEPS):
         step, gain = _scored(here, v, free)
-        if gain < _FLAT:
-            break
+        if gain < _FLAT:  # too little for a further evaluation
+            last = np.where(free, np.clip(v + step, _LEAST, _MOST), v)
+            return last, begun.value - here.value + gain
         for part in 0.5 ** np.arange(_HALVED):
             then = np.where(free, np.clip(v + part * step, _LEAST, _MOST), v)
             there = of(then)
             if there.value < here.value:
                 break
         else:
-            return v, begun.value - here.value
+            break
         v, here = then, there
-    last = np.where(free, np.clip(v + step, _LEAST, _MOST), v)
-    return last, begun.value - here.value + gain
+    return v, begun.value - here.value
 
 
 def _scored(here: _Slopes, v: Array, free: Bools) -> tuple[Array, float]:
     """A step of Fisher scoring (n + 2,), and how much it promises to gain."""
     out, told = np.zeros(len(v)), np.flatnonzero(free & (np.diag(here.information) > 0))
+    if not len(told):
+        return out, 0.0
     F, g = here.information[np.ix_(told, told)], here.slope[told]
     size = np.diag(F) ** -0.5
     F, g, y = F * size * size[:, None] + _ROUNDED * np.eye(len(F)), g * size, v[told] / size

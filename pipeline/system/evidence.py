@@ -103,8 +103,9 @@ def _evidence(
 
     The integral is exact except for the bounds: post_i and prior_i are the probabilities of the
     normal marginals of z_i between the bounds, with s set to its estimate in the posterior and to 1
-    in the prior. MacKay, Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in
-    Econometrics (1971).
+    in the prior. What changes a compliance has one more such factor, of the probabilities that
+    o + n' z >= 0 (`yielding`), as if independent of the others. MacKay, Neural Computation 4 (1992)
+    415; unknown s: Zellner, Bayesian Inference in Econometrics (1971).
     """
     k, rest = G.shape[-1], max(rest, _LEAST)
     width = _EVERY[:, None, None] * np.asarray(expected)[..., None]

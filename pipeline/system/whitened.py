@@ -274,7 +274,7 @@ def with_laws(seen: Linearised, errors: Errors, doubt: Sequence[tuple[int, float
 def of_laws(
     cell: Cell, data: Measured, values: Array, causes: Sequence[Effect], suspects: Sequence[Effect]
 ) -> Errors:
-    """Errors of c by the tolerance of the laws of a cell's causes alone, source `law`.
+    """Errors of c by the tolerance of the laws of a cell's causes alone, as of `with_laws`.
 
     Args:
         cell: Joint springs, then the causes.

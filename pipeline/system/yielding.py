@@ -26,13 +26,17 @@ from pipeline.system.score_tests import ScoreTests
 _NOTHING = 1e-100
 """Lower limit of a standard uncertainty, which keeps quotients finite."""
 
+_ROUNDED = 1e-12
+"""Part of the work of a pull at several springs that is rounding [1]: their torques carry more than
+six digits."""
+
 
 @dataclass(frozen=True, eq=False)
 class Yielding:
     """The bound of each suspect in the pull in which its size comes closest to it, or is beyond.
 
     Attributes:
-        offset: o, infinite for suspects that change no compliance, shape (n,).
+        offset: o, infinite for suspects whose compliance no pull bounds, shape (n,).
         normal: n per typical size, shape (n, k).
         var: Variance of o, by the springs, at unit variance of the rows, shape (n,).
     """
@@ -42,7 +46,7 @@ class Yielding:
     var: Array
 
     def distance(self, size: Array, cov: Array) -> tuple[Array, Array]:
-        """O + n' z and its standard uncertainty at unit variance of the rows, shape (..., n).
+        """The work o + n' z and its standard uncertainty at unit variance of the rows, (..., n).
 
         Args:
             size: z, shape (..., n, k).
@@ -71,8 +75,6 @@ class Work:
     def of(cls, seen: Linearised, suspects: Sequence[Effect], typical: Array, most: int) -> Work:
         """Of some suspects with at most so many parameters; typical sizes of the springs first."""
         some = {i: e for i, e in enumerate(suspects) if isinstance(e, Elastic) and e.modulates}
-        if not some:
-            return cls(np.zeros(0, np.int64), np.zeros((0, 1, 1)), np.zeros((0, 1, most)))
         loaded = load(seen.model.cell, seen.data.pulls, seen.model.values)
         (joints,) = baseline(seen.model.cell.robot)
         tau2 = further_work(joints, loaded) * typical[: len(joints.parameters)]
@@ -82,10 +84,12 @@ class Work:
             own[n, :, : len(scale)] = further_work(effect, loaded) * scale
             at = [] if effect.twists else [joint - 1 for joint in effect.carrier]
             springs[n, :, at] = tau2[:, at].T
-        return cls(np.array([*some]), springs, own)
+        return cls(np.array([*some], np.int64), springs, own)
 
     def bound(self, M: Array, base: Ints, at: Ints, now: ScoreTests) -> Yielding:
         """The bounds in addition to one base.
+
+        A pull bounds what it loads, and only where the data determine the springs there.
 
         Args:
             M: Products of whitened columns, the last one c, shape (W, W).
@@ -95,14 +99,15 @@ class Work:
         """
         out = Yielding(np.full(len(at), np.inf), np.zeros(at.shape), np.zeros(len(at)))
         mine, s = self.suspects, self.springs.shape[2]
-        if not len(mine):
-            return out
-        inverse, there = linear.inverse(M[np.ix_(base, base)]), at[mine, None]
-        R = inverse[:s] @ (M[base[:, None], there] * (there >= 0))
-        offset = np.maximum(self.springs @ (inverse[:s] @ M[base, -1]), 0.0)
-        normal = self.own - self.springs @ R
-        var = np.sum((self.springs @ inverse[:s, :s]) * self.springs, axis=2)
+        cov, there = linear.covariance(M[np.ix_(base, base)])[:s], at[mine, None]
+        lost = np.isinf(np.diag(cov))
+        cov[lost] = 0.0
+        offset = np.maximum(self.springs @ (cov @ M[base, -1]), 0.0)
+        normal = self.own - self.springs @ (cov @ (M[base[:, None], there] * (there >= 0)))
+        var = np.sum((self.springs @ cov[:, :s]) * self.springs, axis=2)
         spread = np.sqrt(np.sum((normal @ now.cov[mine]) * normal, axis=2) + var)
+        unknown = self.springs[:, :, lost] > _ROUNDED * self.springs.max(axis=2, keepdims=True)
+        offset[unknown.any(axis=2) | (spread <= _NOTHING)] = np.inf
         value = offset + np.einsum("nmk,nk->nm", normal, now.size[mine])
         least = np.arange(len(mine)), np.argmin(value / np.maximum(spread, _NOTHING), axis=1)
         out.offset[mine], out.normal[mine], out.var[mine] = offset[least], normal[least], var[least]

@@ -1,12 +1,14 @@
 """Displacements that no robot makes and forces that no scale shows; dead weights are neither."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from small_case import asked
 from test_exchanged import case, files, put_right, table, written
 
+from pipeline.faults import dead_sensor as module
 from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
 from pipeline.run import campaign_answer
@@ -94,6 +96,21 @@ def test_a_sensor_that_is_dead_in_some_poses(seed, poses, targets):
     assert {line for one in found for line in one.at} == lines_read(made, poses, targets)
     right = put_right(found, case(made)).readings
     assert len(right) == len(case(made).readings) - len(lines_read(made, poses, targets))
+
+
+@pytest.mark.parametrize("beside", [0.4, 1.0, 2.5])
+def test_poses_beside_a_dead_run_may_be_stiffer_than_the_rest(monkeypatch, beside):
+    """Its ends are found by the other readings only as far as these are like their neighbours."""
+    rng = np.random.default_rng(4)
+    follows = np.repeat([1.0, beside, 0.0, beside, 1.0], [18, 6, 8, 6, 18])
+    moved_m = 1e-3 * rng.standard_normal((len(follows), 3))
+    delta = follows[:, None] * moved_m + 1e-5 * rng.standard_normal(moved_m.shape)
+    monkeypatch.setattr(module, "_as_read", lambda case, data: np.arange(len(data.delta)))
+    monkeypatch.setattr(module, "_of_still", lambda case, data, moved, run: run.tolist())
+
+    found = module._still(None, SimpleNamespace(delta=delta, poses=True), moved_m)
+
+    assert found == [np.flatnonzero(follows == 0).tolist()]
 
 
 def test_displacements_that_are_dead_from_some_pose_on():

@@ -86,6 +86,30 @@ def test_a_trial_needs_no_new_linearisation_for_other_laws_and_curves(found, mon
     assert here.solution.x[part] == pytest.approx(anew.solution.x[part], abs=1e-7)
 
 
+def test_scales_stay_with_their_laws_where_as_many_others_take_their_places(found, monkeypatch):
+    """A scale that has vanished is no start for another wave, which it would keep from growing."""
+    begun = []
+    monkeypatch.setattr(
+        estimates._LinearFit, "hopeless", lambda fit, *_: begun.append(fit.known) or True
+    )
+
+    trial = tried(found, OTHERS)
+
+    (known,) = begun
+    kept, new = OTHERS.laws
+    assert trial.known.groups.keys() == {*OTHERS.laws}
+    assert known.std[known.groups[kept]] == pytest.approx(found.known.std[found.known.groups[kept]])
+    assert known.std[known.groups[new]] == pytest.approx(known.most[known.groups[new]])
+
+
+def test_updates_that_still_gain_are_not_the_last_ones(found, monkeypatch):
+    """Also after earlier ones, about another linearisation, that gained nothing any more."""
+    monkeypatch.setattr(estimates, "_FLAT", 0.0)
+    own = found.mechanism, found.known, found.scatter, found.linear
+
+    assert not estimates._LinearFit(*own, flat=True).rescaled(found.wanted, 2).flat
+
+
 def test_a_trial_ends_before_its_end_only_where_it_is_hopeless(found):
     """With an evidence to beat that it does beat it ends as without one."""
     best = tried(found, OTHERS).likely

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from pipeline.positions import scatter as module
 from pipeline.positions.estimate import Posterior, ReadRows, again
 from pipeline.positions.laws import Inputs
 from pipeline.positions.mechanism import Linear
@@ -122,6 +123,30 @@ def test_the_likeliest_variances_are_those_of_a_search_from_many_starts(rows, s)
         assert count[0] <= 8
         assert of(v).value == pytest.approx(least, abs=2e-3)
         assert of(np.full(6, start)).value - gain == pytest.approx(least, abs=2e-2)
+
+
+def test_a_search_that_is_cut_off_ends_where_the_likelihood_was_last_asked(rows, monkeypatch):
+    """It gains what it says. Planted bug: the last step was taken once more, at any loss."""
+    e = errors(rows, 1e-2 * np.array([0.5, 1.5, 0.1, 0.8, 0.3, 0.7]))
+    of, begun = _Likelihood(rows, e[:, :, None] * e[:, None, :], JOINTS), np.full(6, 1e-11)
+    monkeypatch.setattr(module, "_STEPS", 1)
+
+    v, gain = likeliest_variances(of, begun, np.ones(6, dtype=bool))
+
+    assert of(begun).value - of(v).value == pytest.approx(gain)
+
+
+def test_variances_of_which_the_readings_say_nothing_stay_as_they_are(rows):
+    """Joints that move no reading; least squares without unknowns would end the interpreter."""
+    flat, free = np.zeros((POSES, 12, JOINTS)), np.arange(6) < JOINTS
+    rows = replace(rows, slopes=lambda used: (flat[:, used], flat[:, used]))
+    e = errors(rows, 1e-2 * np.array([0.5, 1.5, 0.1, 0.8, 0.3, 0.7]))
+    of, begun = _Likelihood(rows, e[:, :, None] * e[:, None, :], JOINTS), np.full(6, 1e-4)
+
+    v, gain = likeliest_variances(of, begun, free)
+
+    assert v == pytest.approx(begun)
+    assert gain == 0
 
 
 def test_stated_noise_is_left_as_it_is(rows):

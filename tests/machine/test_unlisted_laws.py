@@ -196,6 +196,21 @@ def test_a_scale_may_read_steep_chains_otherwise_up_and_down_alike():
     assert np.linalg.norm(left) < 1e-6 * np.linalg.norm(wanted)
 
 
+@pytest.mark.parametrize(("order", "count"), [(1.0, 3), (2.0, 5)])
+def test_the_size_of_a_law_of_the_direction_is_the_same_in_any_frame(order, count):
+    """Harmonics have alike means of products over the corners of an icosahedron, as over a sphere.
+
+    Planted bug: x^2 - y^2 had half the size of the same law turned by 45 degrees, 2 x y.
+    """
+    golden, ends = (1 + np.sqrt(5)) / 2, np.array([[0, s, t] for s in (1, -1) for t in (1, -1)])
+    corners = np.concatenate([np.roll(ends * [0, 1, golden], k, axis=1) for k in range(3)])
+    one = law("scale", "reading", "smooth", "direction", 0, order, (-1, 1))
+
+    g = unlisted._aslant(one, SimpleNamespace(force=1500.0 * corners))
+
+    assert g.T @ g / len(g) == pytest.approx(np.eye(count) / 3)
+
+
 def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():
     """One newton along the chain adds displacement over force, whatever the pull."""
     x, at = KR500.nominal_compliance, float(np.median(PULLS.time))

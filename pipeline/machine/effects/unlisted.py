@@ -682,10 +682,14 @@ def _of_scale(law: Law) -> Effect:
 
 
 def _aslant(law: Law, loaded: Loaded) -> Array:
-    """Harmonics of the direction of the force: of first order odd in it, of second even, (m, k)."""
+    """Harmonics of the direction of the force: of first order odd in it, of second even, (m, k).
+
+    Over all directions they are orthogonal, with mean square 1/3: the size of a law is the same in
+    any frame.
+    """
     x, y, z = direction(loaded).T
-    of = [x, y, z] if law.order == 1.0 else [x * y, y * z, z * x, x * x - y * y, z * z - 1 / 3]
-    return np.stack(of, axis=1)
+    even = [x * y, y * z, z * x, (x * x - y * y) / 2, np.sqrt(0.75) * (z * z - 1 / 3)]
+    return np.stack([x, y, z] if law.order == 1.0 else np.sqrt(5.0) * np.array(even), axis=1)
 
 
 def _uniform(law: Law, values: Array) -> float:
