@@ -73,9 +73,9 @@ def repeated(asked: Screening) -> list[Mistake]:
     equal = rows.duplicated(["target", *XYZ], keep=False)
     if not equal.any() or _without_noise(rows):
         return []
-    h = np.sqrt(12) * rounding(case.readings[XYZ].to_numpy(float))
-    std = np.sqrt(np.maximum(np.einsum("mii->mi", covariance.matrices(rows)), STILL_M**2))
-    likely = np.prod(np.minimum(h / (np.sqrt(4 * np.pi) * _known(std, rows)), 1.0), axis=1)
+    step = rounding(case.readings[XYZ].to_numpy(float))  # h / sqrt(12)
+    ratio = np.sqrt(3 / np.pi) * step / _scatter(rows, step or STILL_M)
+    likely = np.prod(np.minimum(ratio, 1.0), axis=1)
     chance = pd.Series(likely, rows.index)
     pairs = rows.groupby("at")["group"].nunique()
     within = float((pairs * (pairs - 1) / 2).sum())
@@ -148,15 +148,17 @@ def _without_noise(rows: pd.DataFrame) -> bool:
     return more > 0 and again > _SCATTERS * more
 
 
-def _known(std: Array, rows: pd.DataFrame) -> Array:
-    """Standard uncertainties of readings per axis [m], from repeated zeros where none is stated."""
-    if np.isfinite(std).all():
-        return std
+def _scatter(rows: pd.DataFrame, least: float) -> Array:
+    """Standard uncertainties of readings per axis [m]: that stated, or less if zeros repeat better.
+
+    What is stated is cautious, or has not the unit of the numbers, which is asked about later.
+    """
     still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
     off = still.groupby(["at", "target"], observed=True)[XYZ].diff().to_numpy(float)
     off = np.abs(off[np.isfinite(off).all(axis=1) & off.any(axis=1)])
-    usual = float(np.median(off)) if off.size else STILL_M
-    return np.where(np.isfinite(std), std, max(usual, STILL_M))
+    usual = float(np.median(off)) if off.size else np.nan  # 0.95 s
+    std = np.sqrt(np.einsum("mii->mi", covariance.matrices(rows)))
+    return np.asarray(np.fmax(np.fmin(std, usual), least))
 
 
 def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
