@@ -354,8 +354,7 @@ class _Righted(Locked):
             drop = self.drops(logged.more(self._columns[:, others]) if len(others) else logged)
             drop = np.where(self.among.beside(self.among.only(others)), drop, -1.0)
             best = int(np.argmax(drop))
-            if drop[best] < drop[one] + odds.DECIDES:
-                best = int(one)
+            best = best if drop[best] >= drop[one] + odds.DECIDES else int(one)
             which = np.append(others, best) if drop[best] >= odds.DECIDES else others
         return np.sort(which)
 
@@ -378,8 +377,7 @@ def scale_outliers(asked: Screening) -> list[Mistake]:
         starts += filter(None, [_righted(asked, among.only(among.poses < 2), _NONE)])
     for one in starts:
         righted = _together(asked, one)
-        found = [] if righted is None else _judged(asked, righted)
-        if found:
+        if righted is not None and (found := _judged(asked, righted)):
             return found
     return []
 
@@ -392,13 +390,15 @@ def _together(asked: Screening, start: _Righted) -> _Righted | None:
     """The errors beside which nothing else stands out; None if there are none, or too many."""
     among, which, tried = start.among, start.more, set[tuple[int, ...]]()
     most = min(len(among.of) // _PART, _TOGETHER)
+    righted: _Righted | None = None
     while 0 < len(which) <= most and tuple(which) not in tried:
         tried.add(tuple(which))
-        righted = _righted(asked, among, which)
-        if righted is None or not righted.matters:
+        before, righted = righted, _righted(asked, among, which)
+        if righted is None and before is not None:  # exchanged for a zero that leaves no force
+            which = before.more
+        elif righted is None or not righted.matters:
             return None
-        exchanged = tuple(righted.exchanged)
-        if exchanged not in tried:  # two in each other's place are both wrong
+        elif tuple(righted.exchanged) not in tried:  # two in each other's place are both wrong
             which = righted.exchanged
         elif righted.alone or righted.clear:
             return righted

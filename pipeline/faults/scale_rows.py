@@ -145,15 +145,14 @@ def _changes(moved: PullMoves, start: Array) -> Iterator[tuple[int, float, _Chan
 def _away(moved: PullMoves, change: _Change, start: Array) -> float:
     """How far a change is from what the pulls show, to choose between units that are alike.
 
-    Up to an end of the file the residual sum of squares, relative to the displacements; of few rows
-    between others the median of |ln(r_i / factor)|, by compliances on which these agree.
+    Up to an end of the file the residual sum of squares, as all displacements are equally noisy; of
+    few rows between others the median of |ln(r_i / factor)|, by compliances on which these agree.
     """
     if not any(change.ends[1:]):
         off = np.log(np.maximum(moved.due(start)[0] / moved.force, STILL_M))[change.wrong]
         return float(np.median(np.abs(off - np.log(change.factor))))
-    w = 1 / np.maximum(np.linalg.norm(moved.y, axis=1), STILL_M)
-    A = ((w * change.right(moved).force)[:, None, None] * moved.G).reshape(-1, moved.G.shape[2])
-    y = (w[:, None] * moved.y).ravel()
+    A = (change.right(moved).force[:, None, None] * moved.G).reshape(-1, moved.G.shape[2])
+    y = moved.y.ravel()
     return float(np.sum((y - A @ linear.least_squares(A, y)) ** 2))
 
 

@@ -71,12 +71,12 @@ def repeated(asked: Screening) -> list[Mistake]:
     rows = rows[rows[XYZ].any(axis=1)]  # a lost lock is (0, 0, 0) however often
     rows = rows.assign(at=rows["pose"].fillna(-1)).drop_duplicates(["group", "target"])
     equal = rows.duplicated(["target", *XYZ], keep=False)
-    if not equal.any() or _without_noise(rows):
+    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
+    if not equal.any() or _without_noise(still):
         return []
-    h = np.sqrt(12) * rounding(case.readings[XYZ].to_numpy(float))
-    std = np.sqrt(np.maximum(np.einsum("mii->mi", covariance.matrices(rows)), STILL_M**2))
-    likely = np.prod(np.minimum(h / (np.sqrt(4 * np.pi) * _known(std, rows)), 1.0), axis=1)
-    chance = pd.Series(likely, rows.index)
+    step = rounding(case.readings[XYZ].to_numpy(float))  # h / sqrt(12)
+    ratio = np.sqrt(3 / np.pi) * step / _scatter(rows, still, step or STILL_M)
+    chance = pd.Series(np.prod(np.minimum(ratio, 1.0), axis=1), rows.index)
     pairs = rows.groupby("at")["group"].nunique()
     within = float((pairs * (pairs - 1) / 2).sum())
     across = float(pairs.sum() * (pairs.sum() - 1) / 2) - within
@@ -139,24 +139,23 @@ def _copy(asked: Screening, names: tuple[str, str], here: tuple[Any, Any]) -> in
     return 0 if wrong == [True, False] else 1
 
 
-def _without_noise(rows: pd.DataFrame) -> bool:
+def _without_noise(still: pd.DataFrame) -> bool:
     """Whether repeated zeros and base readings are mostly equal."""
-    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
     groups = still.groupby(["at", "target"], observed=True)
     more = int((groups.size() - 1).sum())
     again = still.duplicated(["at", "target", *XYZ]).sum()
     return more > 0 and again > _SCATTERS * more
 
 
-def _known(std: Array, rows: pd.DataFrame) -> Array:
-    """Standard uncertainties of readings per axis [m], from repeated zeros where none is stated."""
-    if np.isfinite(std).all():
-        return std
-    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
+def _scatter(rows: pd.DataFrame, still: pd.DataFrame, least: float) -> Array:
+    """Standard uncertainties of readings per axis [m]: that stated, or less if zeros repeat better.
+
+    What is stated is cautious, or has not the unit of the numbers, which is asked about later.
+    """
     off = still.groupby(["at", "target"], observed=True)[XYZ].diff().to_numpy(float)
     off = np.abs(off[np.isfinite(off).all(axis=1) & off.any(axis=1)])
-    usual = float(np.median(off)) if off.size else STILL_M
-    return np.where(np.isfinite(std), std, max(usual, STILL_M))
+    std = np.sqrt(np.einsum("mii->mi", covariance.matrices(rows)))  # the median is 0.95 s
+    return np.asarray(np.fmax(np.fmin(std, np.median(off) if off.size else np.nan), least))
 
 
 def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:

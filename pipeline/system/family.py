@@ -269,6 +269,23 @@ class Family(Locked):
         noisy = self._noisy(keys)
         return ((1 - noisy) * quiet + noisy * wide).mean(axis=1)[self.weight >= _COUNTS]
 
+    def among_spells(self, mean: Array, start: Array, away: Array) -> Array:
+        """Variances of readings (n,) with which it is asked again where the noise has spells.
+
+        Only those of gross errors change: what a reading says of the spell of its pose is how far
+        it is from the others of a quiet pose, and nothing once they are taken to be noisy. The
+        farthest of a pose is taken for one of them, as it spoils the estimates of its neighbours.
+
+        Args:
+            mean: Their posterior means.
+            start: Their first ones.
+            away: Squared distance of each from the others, in standard uncertainties.
+        """
+        pose = self.states.pose[self.states.of]
+        most = np.full(len(self.states.key), _SCATTER**2)
+        np.maximum.at(most, pose, away)
+        return np.where(mean > FAR_OFF**2, mean, np.where(away == most[pose], away * start, start))
+
     @property
     def width(self) -> float:
         """Width of the core of the likeliest family relative to the noise that was in use [1]."""

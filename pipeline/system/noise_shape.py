@@ -265,7 +265,10 @@ def _tails(
             loosest=first.loosest,
         )
         before, variance = variance, np.ones(len(variance))
-        variance[good] = _between(told, mean, start[good]) if turn + 1 < rounds else mean
+        variance[good] = mean
+        if turn + 1 < rounds and told.in_spells:
+            away = np.sum(square / (spread - before[:, None] + start[:, None]), axis=1)
+            variance[good] = told.among_spells(mean, start[good], away[good])
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
@@ -275,15 +278,6 @@ def _tails(
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
     return readings, found, variance, beyond
-
-
-def _between(found: Family, mean: Array, start: Array) -> Array:
-    """Variances of readings for the next round, from their posterior means and the first ones.
-
-    In spells only those of gross errors change: what a reading says of the spell of its pose is how
-    far it is from the others of a quiet pose, and nothing once they are taken to be noisy.
-    """
-    return np.where(mean > FAR_OFF**2, mean, start) if found.in_spells else mean
 
 
 def _overstated(beyond: RowsByPose) -> float:

@@ -43,11 +43,11 @@ def findings(files):
 
 
 BLUNDERS = [
-    "outlier",
+    "outlier:pose03_rep0_unloaded/P2=1e-3",
     "label_swap",
     "tool_point",
     "unit_mixup:inch",
-    "outlier:pose03_rep0_unloaded/P2=1e-3",
+    "outlier",
     "label_swap:pose05_rep2_loaded",
     "tool_point:P2=4e-3",
     "unit_mixup:m",

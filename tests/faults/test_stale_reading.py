@@ -116,6 +116,21 @@ def test_equal_digits_say_nothing_where_they_are_few(files):
     }
 
 
+@pytest.mark.parametrize(("digits", "copies"), [(4, 0), (6, 5)])
+def test_equal_digits_are_judged_by_the_scatter_of_the_file(files, digits, copies):
+    """Metres read as millimetres: to 0.1 mm readings are equal by chance, to 1 um copies only."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    for row in rows[1:]:
+        row[2:5] = [f"{1e-3 * float(x):.{digits}f}" for x in row[2:5]]
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    metres = {**files, "tracker.csv": text.getvalue().encode()}
+
+    case = again(metres, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY)
+
+    assert len(repeated(asked(case))) == copies
+
+
 def test_base_reflectors_copied_from_the_first_round_are_named(files):
     """A motion of the tracker can then not be detected."""
     case = again(files, "base_end", "base_start", ("B1", "B2", "B3"))

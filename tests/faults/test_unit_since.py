@@ -8,6 +8,7 @@ from small_case import asked, small
 from test_exchanged import PULLS, case, files, same, table, written
 
 from pipeline.answer.diagnosis import mistake_entry
+from pipeline.faults.conventions import symbol
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.mistake import lines_of
 from pipeline.faults.scale_rows import scale_rows
@@ -42,8 +43,8 @@ def test_forces_in_another_unit_from_some_row_on(seed, unit):
 
 
 @pytest.mark.sampled(2)
-@pytest.mark.parametrize("seed", range(10))
-@pytest.mark.parametrize("unit", ["kgf", "lbf", "kn"])
+@pytest.mark.parametrize("seed", [8, *range(8), 9])
+@pytest.mark.parametrize("unit", ["kgf", "kn", "lbf"])
 def test_forces_in_another_unit_up_to_some_row(seed, unit):
     """Fewer or more than half of them: those are wrong, not the others by the inverse."""
     last = int(np.random.default_rng(seed).integers(3, PULLS - 3))
@@ -58,7 +59,9 @@ def test_forces_in_another_unit_up_to_some_row(seed, unit):
 
     assert (found.name, found.where, found.since) == ("unit_mixup", unit, None)
     assert found.at == tuple(f"loads.csv:{k + 2}" for k in range(last))
-    assert f"up to loads.csv:{last + 1} the numbers of the scale are {unit}" in found.evidence
+    assert (
+        f"up to loads.csv:{last + 1} the numbers of the scale are {symbol(unit)}" in found.evidence
+    )
     same(found.correct(case(made)), case(files(seed)))
 
 

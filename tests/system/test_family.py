@@ -128,6 +128,16 @@ def test_a_lone_bad_reading_makes_no_spell(off):
         assert told.rather.mistaken(off**2, 3, tuple(KEYS[100])) > 0.9
 
 
+def test_the_farthest_reading_of_a_pose_spoils_no_other():
+    """Only it, beyond 6 standard uncertainties, and gross errors get other weights among spells."""
+    told, away, mean = replace(Family.stated(), states=STATES), np.ones(300), np.full(300, 25.0)
+    away[[45, 46, 47]], away[100], mean[200] = (62.0, 99.0, 34.0), 35.0, 1e4  # 45 to 59: pose 3
+
+    now = told.among_spells(mean, np.ones(300), away)
+
+    assert {k: now[k] for k in np.flatnonzero(now != 1.0)} == {46: 99.0, 200: 1e4}
+
+
 def test_what_is_drawn_has_spells_where_they_were():
     """In other states lambda is one."""
     rng = np.random.default_rng(9)
