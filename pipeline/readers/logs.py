@@ -126,9 +126,10 @@ _TAG = re.compile(
 
 def pose_and_repeat(tag: str) -> tuple[int, int] | None:
     """The numbers of pose and pull that a name begins with; None if it does not."""
-    found = _TAG.fullmatch(tag.strip())
-    pose = found and (coded(found["pose"] + found["letters"]) or int(found["pose"]))
-    return (pose, int(found["repeat"])) if found and pose is not None else None
+    if (found := _TAG.fullmatch(tag.strip())) is None:
+        return None
+    pose = coded(found["pose"] + found["letters"]) or int(found["pose"])
+    return pose, int(found["repeat"])
 
 
 def _numbered(log: Log) -> Log:
@@ -332,7 +333,7 @@ def joints(
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
-    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is LENGTH], needed=False)
+    torques = [Quantity(f"tau{j}", _FORCE_OF["mm" in q.units], needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]
