@@ -371,3 +371,17 @@ def test_forces_of_a_reduced_campaign_are_vectors():
     assert [line for _, line, _ in log.rejected] == [3, 5]
     assert logs.columns("f.csv", data) == ("pose", "repeat", "fx_n", "fy_kn", "fz_n")
     assert log.pose_of == {3: 1.0, 5: 2.0}
+
+
+def test_a_carriage_arrived_one_way_or_the_other_or_nobody_knows():
+    """1, -1, 0 or nothing; any other number is rejected with its line."""
+    names = ",".join(
+        f"{one}_{'mm' if s else 'deg'}" for one, s in zip(RAIL.controller, RAIL.slides, strict=True)
+    )
+    rows = [
+        f"{k},{way},{','.join(['10'] * RAIL.n)}"
+        for k, way in enumerate(("1", "-1", "0", "", "2", "-2"), 1)
+    ]
+    log = logs.joints("j.csv", "\n".join([f"pose,approach,{names}", *rows, ""]).encode(), RAIL)
+    np.testing.assert_array_equal(log.number["approach"], [1, -1, 0, np.nan])
+    assert [line for _, line, _ in log.rejected] == [6, 7]
