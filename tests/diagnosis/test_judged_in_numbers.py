@@ -1,6 +1,6 @@
 """Statistics and judgements of a diagnosis, each against dense algebra or plain arithmetic."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace as Some
 
 import numpy as np
@@ -9,14 +9,15 @@ from linear_campaign import FREE, made, suspect
 from scipy import stats
 from scipy.sparse import csr_array
 
-from pipeline.diagnosis import average, bounds, causes, drift, noise_bounds, unlisted
+from pipeline.diagnosis import average, bounds, causes, converge, drift, noise_bounds, unlisted
 from pipeline.diagnosis.agreement import ChiSquare, SpringAgreement
 from pipeline.diagnosis.blindspots import smallest_visible, unnoticed, visible
 from pipeline.diagnosis.facts import Bounds, CrossValidation, Drift, Facts
 from pipeline.diagnosis.isolability import Twins, _compare
 from pipeline.diagnosis.suspect_statistics import misfits, suspect_statistics
 from pipeline.diagnosis.unloaded_geometry import _down
-from pipeline.machine.cell import baseline
+from pipeline.machine.cell import Tool, baseline, paper_cell, predict
+from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue, joint_offset
 from pipeline.machine.robot import load
 from pipeline.system.outlying import OutlyingReadings
@@ -498,3 +499,146 @@ def test_gravity_is_told_along_the_axis_that_explains_the_sag(axis, monkeypatch)
         told = _down(stood, Some(log_evidence=0.0))
         assert told == ((axis, 1e-4) if axis and heavy else None)
     assert _down(stood, Some(log_evidence=6.0)) is None
+
+
+# --- what a cause changes, and what is weighed anew -----------------------------------------------
+
+TOOL = Tool(np.array([0.2, 0.1, 0.3]), np.array(["P1", "P2"], object), np.eye(3)[:2] / 5)
+
+
+def test_a_cause_changes_the_deflection_at_the_test_pose_beside_the_others():
+    """Mean over targets; beside none, from what the springs alone predicted."""
+    cell, x = paper_cell(KR500, TOOL), KR500.nominal_compliance
+    q, force = np.array([3.0, 0.1, -1.2, 1.3, 0.2, 0.4, 0.1]), np.array([100.0, 50, -900])
+    first, last = Some(cell=cell, values=x), Some(cell=cell, values=1.5 * x)
+    found = Some(first=Some(model=first), view=Some(model=last))
+    told = Some(estimated=lambda others, near: Some(cell=cell, values=1.2 * x))
+    own = predict(cell, Pulls.at(q, force), x).displacement[0]
+    size = np.linalg.norm(own, axis=1).mean()
+    where = Some(q=q, force=force)
+    assert causes._change(told, found, (), where) == pytest.approx(0.5 * size, rel=1e-6)
+    assert causes._change(told, found, (1,), where) == pytest.approx(0.3 * size, rel=1e-6)
+
+
+def test_the_height_of_a_law_is_that_of_its_own_parameters(monkeypatch):
+    """Of the accepted hypothesis, as sized if that is known; causes of the catalogue have none."""
+    parameters = tuple(p for one in baseline(KR500) for p in one.parameters)[:5]
+    law = Some(law="a law", parameters=parameters[2:4])
+    V = np.arange(25.0).reshape(5, 5)
+    estimate = Some(parameters=parameters, value=np.arange(5.0), cov=V)
+    seen = {}
+
+    def height(of, value, cov):
+        seen.update(of=of, value=value.tolist(), cov=cov.tolist())
+        return 3.0, 0.5
+
+    monkeypatch.setattr(causes, "height", height)
+    for sized in (None, Some(parameters=parameters, value=2 * np.arange(5.0), cov=V)):
+        told = causes._height(law, Some(effects=(law,), estimate=estimate, sized=sized))
+        assert seen == {"of": "a law", "value": [4.0, 6.0] if sized else [2.0, 3.0],
+                        "cov": [[12.0, 13.0], [17.0, 18.0]]}  # fmt: skip
+        assert (told.value, told.std) == (3.0, 0.5)
+        assert told.ci95 == pytest.approx((3 - 0.98, 3 + 0.98))
+        assert (told.parameter.name, told.parameter.lower) == ("amplitude", 0.0)
+    assert causes._height(law, Some(effects=(), estimate=estimate, sized=None)) is None
+    listed = Some(law=None, parameters=law.parameters)
+    assert causes._height(listed, Some(effects=(listed,), estimate=estimate, sized=None)) is None
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A campaign that counts what is done to it."""
+
+    shape: str = "first"
+    told: bool = True
+    used: bool = False
+    taken: bool = False
+
+    plain = property(lambda self: Some(noise_stated=self.told))
+    noise = property(lambda self: Some(used=self.used))
+    case, reduced = "case", "reduced"
+
+    def shaped(self, found):
+        """The same with another shape of the noise."""
+        return replace(self, shape=found.name)
+
+
+def diagnosed(settled, stated=0.5, misfit=0.5):
+    """What a diagnosis says of its residuals."""
+    return Some(settled=settled, facts=Some(stated_p=stated, misfit_p=misfit))
+
+
+@pytest.mark.parametrize(
+    ("told", "settled", "likely", "differs", "later", "ends"),
+    [
+        (False, True, True, True, True, "same"), (True, False, False, True, True, "same"),
+        (True, True, False, False, True, "kept"), (True, False, True, False, False, "kept"),
+        (True, True, False, True, False, "again"), (True, False, True, True, True, "again"),
+        (True, False, True, True, False, "same"),
+    ],
+)  # fmt: skip
+def test_a_campaign_is_weighed_by_the_noise_beside_its_model(
+    told, settled, likely, differs, later, ends, monkeypatch
+):
+    """If the model leaves only scatter, or noise is likely anyway and completes the model."""
+    later_said = diagnosed(later)
+    monkeypatch.setattr(converge, "_noise_likely", lambda *_: likely)
+    monkeypatch.setattr(converge, "_diagnosed", lambda *_: later_said)
+    monkeypatch.setattr(
+        converge, "_beside",
+        lambda right, said: Some(name="second" if said is later_said else "found",
+                                 differs=lambda shape: differs),
+    )  # fmt: skip
+    end = converge._Converged("mistakes", Weighed(told=told), "there", diagnosed(settled))
+    found = converge._weighed(end, lambda work: work)
+
+    if ends == "same":
+        assert found is end
+        return
+    assert found.screened == "mistakes"
+    assert found.diagnosis is (later_said if ends == "again" else end.diagnosis)
+    assert found.right.shape.name == ("second" if ends == "again" else "found")
+
+
+@pytest.mark.parametrize(
+    ("stated", "misfit", "used", "refitted"),
+    [(1e-9, 0.5, False, True), (1e-9, 1e-9, False, False), (0.5, 0.5, False, False),
+     (1e-9, 0.5, True, False), (None, 0.5, False, False)],
+)  # fmt: skip
+def test_the_scale_of_contrasts_is_taken_where_only_the_stated_noise_is_exceeded(
+    stated, misfit, used, refitted, monkeypatch
+):
+    """Not where that noise is in use already, nor where it explains no residuals either."""
+    after = diagnosed(True)
+    monkeypatch.setattr(converge, "_diagnosed", lambda *_: after)
+    monkeypatch.setattr(converge, "_beside", lambda *_: Some(name="found", differs=lambda _: False))
+    monkeypatch.setattr(
+        converge, "fit", lambda case, reduced, taken: Weighed(taken=(case, reduced, taken))
+    )
+    said = diagnosed(True, stated, misfit)
+    end = converge._Converged("mistakes", Weighed(used=used), "there", said)
+    found = converge._weighed(end, lambda work: work)
+    assert found.right.taken == (("case", "reduced", True) if refitted else False)
+    assert found.diagnosis is (after if refitted else said)
+
+
+def test_noise_is_likely_by_its_shape_or_beside_a_stiffness_of_each_pose(monkeypatch):
+    """The second is asked only if need be; the scatter of the scale is carried along."""
+    seen = []
+
+    def beside(right, said, loose=False):
+        seen.append(loose)
+        return Some(likely=said.likely)
+
+    monkeypatch.setattr(converge, "_beside", beside)
+    for own, other in ((True, False), (False, True), (False, False)):
+        right, said = Some(shape=Some(likely=own)), Some(likely=other)
+        assert converge._noise_likely(right, said) == (own or other)
+    assert seen == [True, True]
+
+    @dataclass(frozen=True)
+    class Data:
+        reading_std: np.ndarray
+
+    data = converge._as_scattered(Data(np.array([2.0, 3.0])), Some(scatter=Some(scale=1.5)))
+    assert data.reading_std.tolist() == [3.0, 4.5]
