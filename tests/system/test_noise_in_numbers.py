@@ -30,7 +30,8 @@ from pipeline.system.family import (
     Family,
     LoosestTarget,
 )
-from pipeline.system.noise_shape import NoiseShape, _between
+from pipeline.system.noise_shape import NoiseShape, _between, _overstated
+from pipeline.system.odds import DECIDES
 from pipeline.system.spells import States
 from pipeline.system.system import Errors, ScatterRatio
 from pipeline.system.wander import TIMES_S, Wander
@@ -221,6 +222,20 @@ def test_only_gross_errors_move_in_a_spell():
     mean, start = np.array([1.0, 99.0, 101.0]), np.array([2.0, 3.0, 4.0])
     assert _between(certain(_FAMILIES - 1), mean, start).tolist() == [2.0, 3.0, 101.0]
     assert _between(certain(1), mean, start).tolist() == [1.0, 99.0, 101.0]
+
+
+@pytest.mark.parametrize("dof", [30, 400])
+def test_noise_is_overstated_where_its_likelihood_is_certainly_better(dof):
+    """Twice the gain in log likelihood by the residual variance, against the odds that decide."""
+    for less in (0.2, 0.5, 0.7, 0.9, 0.99, 1.1):
+        rest = less * dof
+        drop = stats.norm.logpdf(np.sqrt(less), scale=np.sqrt([less, 1.0])) @ [
+            2.0 * dof,
+            -2.0 * dof,
+        ]
+        sure = less < 1 and drop > DECIDES
+        found = _overstated(Some(base=Some(dof=dof, rest=rest)))
+        assert found == pytest.approx(less if sure else 1.0)
 
 
 # --- beam and wander ------------------------------------------------------------------------------
