@@ -19,7 +19,7 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale
 from pipeline.system import assemble, beam, fit, one_pose, outlying, specimen, wander
 from pipeline.system.beam import BeamNoise
-from pipeline.system.contrasts import Zeros, _in_poses
+from pipeline.system.contrasts import Zeros, _in_poses, _turning
 from pipeline.system.family import (
     _FAMILIES,
     _GRID,
@@ -34,6 +34,7 @@ from pipeline.system.noise_shape import NoiseShape, _between, _overstated
 from pipeline.system.odds import DECIDES
 from pipeline.system.spells import States
 from pipeline.system.system import Errors, ScatterRatio
+from pipeline.system.variance import Components
 from pipeline.system.wander import TIMES_S, Wander
 
 RAIL = load("kr500_rail")
@@ -542,3 +543,53 @@ def test_zeros_of_whole_poses_are_motions_of_the_effector():
     np.testing.assert_allclose(found.delta[1::2], L * w, rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(found.cov[:, 0, 0], np.repeat([2.0, 3.0, 4.0], 2))
     assert not len(_in_poses(Zeros(*columns), {1: q[4]}, cell).pose)
+
+
+def test_rotations_weigh_by_their_mean_variance():
+    """Relative to that of positions."""
+    cov = np.array([1.0, 9.0, 3.0, 7.0])[:, None, None] * np.eye(3)
+    found = _turning(Some(loaded_cov=cov, target=np.array([0, 1, 0, 1])))
+    np.testing.assert_allclose(found, [1.0, 4.0])
+
+
+def components(scale, p, **more):
+    """What contrasts say of tracker and scale."""
+    name = np.array(["tracker", "force_reading"], object)
+    return Components(name, np.array(scale), np.array([0.1, 0.2]), np.array(p), 50, True, **more)
+
+
+def test_a_larger_scatter_is_that_of_the_core_beside_tails():
+    """Where the tracker's is significant; its p is the larger one, and the scale's stays."""
+    one = components([2.0, 3.0], [1e-9, 1e-9])
+    core = Some(scale=1.4, std=0.3, p_value=1e-7)
+    found = one.beside(Some(core=lambda used: core if used == 2.0 else None))
+    assert found.scale.tolist() == [1.4, 3.0]
+    assert found.std.tolist() == [0.3, 0.2]
+    assert found.p_value.tolist() == [1e-7, 1e-9]
+    quiet = components([1.1, 3.0], [0.3, 1e-9])
+    assert quiet.beside(None) is quiet
+    assert one.of("force_reading") == 3.0
+    assert one.replaced.tolist() == one.larger.tolist() == [True, True]
+    assert quiet.replaced.tolist() == [False, True]
+    assert components([1.1, 1.0], [0.3, 0.5], taken=True).replaced.tolist() == [True, False]
+    small = components([0.01, 1.0], [1.0, 0.5], p_smaller=np.array([1e-9, 0.5]))
+    assert small.smaller.tolist() == small.replaced.tolist() == [True, False]
+    assert not small.larger.any()
+    assert not components([1.0, 1.0], [0.5, 0.5]).used
+    assert one.left == (1.0, 0.1)
+    assert quiet.left == (1.1, 0.1)
+
+
+def test_a_fit_uses_the_noise_that_contrasts_replace():
+    """Over the stated one; tails are not counted as size where they are applied."""
+    fitted = fit.Fitted
+    for scale, p, used in (([2.0, 1.0], [1e-9, 1.0], 2.0), ([1.1, 3.0], [0.5, 1e-9], 1.0)):
+        found = components(scale, p)
+        assert fitted.used.fget(Some(noise=found)) == used
+        core = Some(scale=1.2, std=0.1, p_value=1e-8)
+        for tailed in (True, False):
+            shape = Some(tailed=tailed, family=Some(core=lambda _, core=core: core), wide_m=5e-5)
+            one = Some(noise=found, shape=shape, reduced=Some(data=DATA))
+            expected = 1.2 if tailed and used > 1 else scale[0]
+            assert fitted.excess.fget(one).scale[0] == expected
+            assert fitted.scatter.fget(one) == pytest.approx(2.5)
