@@ -329,7 +329,8 @@ def test_joint_values_stand_beside_further_columns(of_controller):
     assert logs.of_poses(first) is first
 
 
-def test_torques_and_axes_do_the_same_work():
+@pytest.mark.parametrize(("unit", "newtons"), [("n", 1.0), ("kn", 1e3), ("nm", 1.0)])
+def test_torques_and_axes_do_the_same_work(unit, newtons):
     """Torque times motion, summed over the joints, is that over the controller's axes."""
     rng = np.random.default_rng(4)
     a = rng.uniform(-0.5, 0.5, size=(3, RAIL.n))
@@ -337,10 +338,13 @@ def test_torques_and_axes_do_the_same_work():
     head = [
         f"{one}_{'m' if s else 'rad'}" for one, s in zip(RAIL.controller, RAIL.slides, strict=True)
     ]
-    head += [f"tau{k}_{'n' if s else 'nm'}" for k, s in enumerate(RAIL.slides, 1)]
+    head += [f"tau{k}_{unit if s else 'nm'}" for k, s in enumerate(RAIL.slides, 1)]
     lines = [",".join(["pose", *head])]
     lines += [
-        ",".join(map(repr, [k, *row])) for k, row in enumerate(np.hstack([a, tau]).tolist(), 1)
+        ",".join(map(repr, [k, *row]))
+        for k, row in enumerate(
+            np.hstack([a, tau / np.where(RAIL.slides, newtons, 1.0)]).tolist(), 1
+        )
     ]
     log = logs.joints("j.csv", "\n".join([*lines, ""]).encode(), RAIL)
     found = np.column_stack([log.number[f"tau{k}"] for k in range(1, RAIL.n + 1)])
