@@ -255,7 +255,7 @@ def _nothing(numbers: Sequence[Array]) -> Bools:
 
 def in_a_hall(readings: Export) -> Export:
     """Reject readings farther away than anything in a factory hall."""
-    near = (np.abs(readings.position) <= _FARTHEST_M).all(axis=1)
+    near: Bools = np.asarray((np.abs(readings.position) <= _FARTHEST_M).all(axis=1))
     return readings if near.all() else kept(readings, near, _TOO_FAR)
 
 
