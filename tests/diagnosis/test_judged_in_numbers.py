@@ -642,3 +642,68 @@ def test_noise_is_likely_by_its_shape_or_beside_a_stiffness_of_each_pose(monkeyp
 
     data = converge._as_scattered(Data(np.array([2.0, 3.0])), Some(scatter=Some(scale=1.5)))
     assert data.reading_std.tolist() == [3.0, 4.5]
+
+
+@pytest.mark.parametrize(
+    ("whole", "taught", "inside", "carries"),
+    [(0.0, [True, False], 0.9, True), (0.3, [True, False], 0.0, True),
+     (0.3, [True, False], 0.2, False), (0.3, [True, True], 0.0, False)],
+)  # fmt: skip
+def test_a_law_carries_over_to_all_poses_or_to_those_between_others(
+    whole, taught, inside, carries, monkeypatch
+):
+    """Where it was taught everywhere there is nothing else to ask."""
+    mask = np.array(taught)
+    monkeypatch.setattr(unlisted, "_without", lambda *_: "rest")
+    monkeypatch.setattr(unlisted, "_taught", lambda *_: mask)
+
+    def unproven(rest, rng, tests=None):
+        assert rest == "rest"
+        assert tests is None or tests is mask
+        return whole if tests is None else inside
+
+    found = Some(plain=Some(unproven=unproven), accepted=(0, 1, 2))
+    assert unlisted._carried(None, found, 1, None) == carries
+    laws = [Some(law=None), Some(law="a"), Some(law="b")]
+    asked = []
+
+    def carried(task, found, law, rng):
+        asked.append(law)
+        return law == 1
+
+    monkeypatch.setattr(unlisted, "_carried", carried)
+    assert not unlisted._carries(Some(suspects=laws), found, None)
+    assert asked == [1, 2]
+    assert unlisted._carries(Some(suspects=[laws[0], laws[1], laws[0]]), found, None)
+
+
+def test_a_law_is_taught_at_poses_within_the_range_of_the_others(monkeypatch):
+    """The lowest and the highest pose are not; a law without a variable is taught everywhere."""
+    pose = np.repeat([0, 1, 2, 3], 2)
+    v = np.array([5.0, 1.0, 9.0, 4.0])  # of each pull, one a pose
+    monkeypatch.setattr(unlisted.unlisted, "follows", lambda law: law == "varies")
+    monkeypatch.setattr(unlisted.unlisted, "variable", lambda law, loaded: v)
+    monkeypatch.setattr(unlisted, "load", lambda *_: None)
+    view = Some(pose=np.append(pose, -1), rows=RowIndex(pose, pose, pose, pose, pose))
+    seen = Some(model=Some(cell=None, values=None))
+    found = Some(plain=view, seen=seen)
+    task = Some(suspects=[Some(law="varies"), Some(law="fixed"), Some(law=None)],
+                data=Some(pulls=None))  # fmt: skip
+    told = unlisted._taught(task, found, 0)
+    assert told.tolist() == [True, True, False, False, False, False, True, True]
+    for law in (1, 2):
+        assert unlisted._taught(task, found, law).tolist() == [True] * 8
+
+
+def test_a_law_is_told_from_its_extension_by_its_last_shape(monkeypatch):
+    """Without it all else remains, and of an extension what it extends."""
+    several = (suspect("a", FREE), suspect("b", FREE, FREE), suspect("c", FREE, FREE, FREE))
+    view = made(np.random.default_rng(1), several, {}).view((0, 1, 2))
+    found = Some(plain=view, accepted=(0, 1, 2))
+    monkeypatch.setattr(
+        unlisted, "extends", lambda one, other: (one.label, other.label) == ("c", "b")
+    )
+    rest = unlisted._without(Some(suspects=several), found, 1)
+    assert rest.tolist() == view.columns([0, 2]).tolist()
+    rest = unlisted._without(Some(suspects=several), found, 2)
+    assert rest.tolist() == [*view.columns([0, 1]), *view.columns([2])[:2]]
