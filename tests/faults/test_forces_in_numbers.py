@@ -466,3 +466,37 @@ def test_a_typing_error_is_the_nearest_that_fits():
         assert factor(1000.0 * whole, 1000.0, 1.0) is None
     assert factor(1000.0, 0.0, 1.0) is None
     assert factor(-500.0, 1000.0, 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("sizes", "turned", "pose", "noise", "unlike"),
+    [
+        ([1.0, 2.0, 4.0, 8.0], 0.0, [1, 1, 1, 1], 1e-5, True),
+        ([1.0, 1.1, 1.2, 1.25], 0.0, [1, 1, 1, 1], 1e-5, False),
+        ([1.0, 2.0, 4.0, 8.0], 0.5, [1, 1, 1, 1], 1e-5, False),
+        ([1.0, 2.0, 4.0, 8.0], 0.0, [1, 1, 2, 2], 1e-5, False),
+        ([1.0, 2.0, 4.0, 8.0], 0.0, [1, 1, 1, 1], 1e-3, False),
+        ([1.0, 1.0, 1.0, 8.0], 0.0, [1, 1, 1, 1], 1e-5, False),
+        ([1.0, 1.0, 4.0, 8.0], 0.0, [1, 1, 1, 1], 1e-5, True),
+    ],
+)  # fmt: skip
+def test_equal_forces_along_one_chain_move_a_robot_alike(sizes, turned, pose, noise, unlike):
+    """By a third at most; other directions, other poses and what the noise hides do not count."""
+    angle = turned * np.arange(4)
+    force = 1000 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    delta = 1e-3 * np.outer(np.repeat(sizes, 2), [0.6, 0.0, 0.8])
+    C = np.tile(noise**2 / 2 * np.eye(3), (8, 1, 1))
+    data = Some(
+        delta=delta, pull=np.repeat(np.arange(4), 2), loaded_cov=C, zero_cov=C, noise_stated=True,
+        pulls=Lengthy(pose=np.array(pose), force=force),
+    )  # fmt: skip
+    size = np.linalg.norm(force, axis=1)
+    assert dead_sensor._unlike(data, np.arange(4), size) == unlike
+
+
+class Lengthy(Some):
+    """Pulls, as many as poses."""
+
+    def __len__(self):
+        """Their number."""
+        return len(self.pose)
