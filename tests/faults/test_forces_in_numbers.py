@@ -427,11 +427,12 @@ def test_a_unit_changes_once_with_two_rows_on_either_side(wrong, first):
     assert unit_since._from(mask, unknown) is None
 
 
-def test_the_row_of_a_group_at_which_the_unit_changes_is_found():
+@pytest.mark.parametrize("first", [5, 6, 7, 8])
+def test_the_row_of_a_group_at_which_the_unit_changes_is_found(first):
     """Back from the group in which all are wrong, to the rows nearer to the others as read."""
     rng = np.random.default_rng(3)
     at = np.array([2.0, 3.0, 4.0]) + 0.2 * rng.normal(size=(12, 3))
-    scaled = np.arange(12) >= 6
+    scaled = np.arange(12) >= first
     rows = pd.DataFrame(np.where(scaled[:, None], at / 25.4, at), columns=["x_m", "y_m", "z_m"])
     rows["group"] = np.repeat(["a", "b", "c"], 4)
     wrong = rows["group"] == "c"
