@@ -501,3 +501,25 @@ class Lengthy(Some):
     def __len__(self):
         """Their number."""
         return len(self.pose)
+
+
+@pytest.mark.parametrize(("noise", "model"), [(1e-7, 0.05), (3e-5, 1e-3)])
+def test_states_of_a_pose_put_back_are_off_by_their_usual_misfit(noise, model, monkeypatch):
+    """Zero and a pull exchanged; then each is off by about one, whichever makes the scatter."""
+    rng, after = np.random.default_rng(9), []
+    zero = np.array([True, False, False, False])
+    names = [(f"g{k}", k) for k in range(4)]
+    for _ in range(25):
+        due = np.outer([0.0, 1.0, 1.6, 2.2], rng.normal(size=9)) * 1e-3
+        off = model * rng.normal(size=(4, 9)) * np.sqrt(np.mean(due**2, axis=1))[:, None]
+        Y = rng.normal(size=9) + due + off + noise * rng.normal(size=(4, 9))
+        Y[[0, 2]] = Y[[2, 0]]
+        states = Y, due, zero, names
+        monkeypatch.setattr(exchanged_pulls, "_whole_states", lambda *_, states=states: states)
+        ((ring, told, before, left),) = exchanged_pulls._in_pose(None, None, {}, noise, model)
+        assert ({*ring.members}, told) == ({0, 2}, names)
+        assert before > 10 * left
+        after.append(left)
+        Y[[0, 2]] = Y[[2, 0]]
+        assert not [*exchanged_pulls._in_pose(None, None, {}, noise, model)]
+    assert 0.4 < np.median(after) < 2.0
