@@ -592,9 +592,9 @@ def test_the_core_does_not_grow():
 
 WHOLE = {"run", "app", "pipeline"}
 """Imports, the package itself among them, of tests that play a campaign or type a command."""
-BESIDE = {"dialects": {"readers"}, "geometry": {"positions"}, "validation": {"bench"}}
+BESIDE = {"dialects": {"readers"}, "validation": {"bench"}}
 """Folders of tests that also test through or of another room: dialects are read through `readers`,
-positions were once a part of `geometry`, and `validation` keeps what other tools said."""
+and `validation` keeps what other tools said."""
 
 
 def rooms_of(path):

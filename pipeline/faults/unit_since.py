@@ -76,18 +76,18 @@ def _in_mid_group(
 ) -> pd.Series[bool]:
     """`wrong` with the rows before it in a group within which the unit changes.
 
-    Such a row is nearer to the centre of the rows before it in its group with the factor.
+    The first such row is nearer to the centre of those before it in its group with the factor.
     """
     wrong = wrong.copy()
     before = order[: int(np.argmax(wrong[order]))]
     group = rows.loc[before][rows["group"][before] == rows["group"][before[-1]]]
     points = group[XYZ].to_numpy(float)
-    for k in range(len(group) - 1, 0, -1):
+    for k in range(1, len(group)):
         centre = points[:k].mean(axis=0)
         as_read, scaled_ = (np.linalg.norm(c * points[k] - centre) for c in (1.0, factor))
-        if as_read <= scaled_:
+        if scaled_ < as_read:
+            wrong[group.index[k:]] = True
             break
-        wrong[group.index[k]] = True
     return wrong
 
 

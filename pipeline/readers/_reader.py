@@ -255,11 +255,8 @@ def _nothing(numbers: Sequence[Array]) -> Bools:
 
 def in_a_hall(readings: Export) -> Export:
     """Reject readings farther away than anything in a factory hall."""
-    xyz = readings.position.T
-    if all(x.min(initial=0) >= -_FARTHEST_M and x.max(initial=0) <= _FARTHEST_M for x in xyz):
-        return readings
-    near = np.logical_and.reduce([np.abs(x) <= _FARTHEST_M for x in xyz])
-    return kept(readings, near, _TOO_FAR)
+    near: Bools = np.asarray((np.abs(readings.position) <= _FARTHEST_M).all(axis=1))
+    return readings if near.all() else kept(readings, near, _TOO_FAR)
 
 
 def kept(readings: Export, keep: Bools, why_not: str) -> Export:

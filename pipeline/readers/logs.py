@@ -44,8 +44,10 @@ MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
 """Units of mass [kg]."""
 LENGTH = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of length [m]."""
-_FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
-"""Units of the force on a prismatic joint [N], and of the torque on a revolute joint [N m]."""
+_TORQUE = {"nm": 1.0, "knm": 1e3}
+"""Units of the torque on a revolute joint [N m]."""
+_ON_SLIDE = FORCE | _TORQUE
+"""Units of the force on a prismatic joint [N]; a recording calls each of its columns a torque."""
 ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
 _BRANCH = {
@@ -126,9 +128,10 @@ _TAG = re.compile(
 
 def pose_and_repeat(tag: str) -> tuple[int, int] | None:
     """The numbers of pose and pull that a name begins with; None if it does not."""
-    found = _TAG.fullmatch(tag.strip())
-    pose = found and (coded(found["pose"] + found["letters"]) or int(found["pose"]))
-    return (pose, int(found["repeat"])) if found and pose is not None else None
+    if (found := _TAG.fullmatch(tag.strip())) is None:
+        return None
+    pose = coded(found["pose"] + found["letters"]) or int(found["pose"])
+    return pose, int(found["repeat"])
 
 
 def _numbered(log: Log) -> Log:
@@ -332,7 +335,7 @@ def joints(
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
-    torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is LENGTH], needed=False)
+    torques = [Quantity(f"tau{j}", _ON_SLIDE if "mm" in q.units else _TORQUE, needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]

@@ -9,21 +9,23 @@ import scipy.sparse
 from scipy import optimize, stats
 
 from pipeline.answer.stiffness import stiffness_entries
+from pipeline.diagnosis import average as average_module
 from pipeline.diagnosis.average import (
     LEAST_PROBABILITY,
     POSSIBLE,
     Hypothesis,
     average,
     dependences,
+    each_way,
     size,
     springs,
     weighed,
 )
 from pipeline.diagnosis.cause_search import NamelessReplacement, Replacement
 from pipeline.diagnosis.hypotheses import _likely
-from pipeline.machine.cell import baseline
+from pipeline.machine.cell import Tool, baseline, paper_cell
 from pipeline.machine.effects import catalogue
-from pipeline.machine.robot import load
+from pipeline.machine.robot import configure, load
 from pipeline.system.estimate import identifiable, solve
 from pipeline.system.system import Errors, Estimate, Goodness, RowIndex, System
 
@@ -465,3 +467,91 @@ def test_weights_that_are_kept_stay_in_proportion():
     assert weighed([hypothesis(0.0)])[0].weight == 1.0
     order = weighed([hypothesis(0.1), hypothesis(0.3), hypothesis(0.6)])
     assert [one.weight for one in order] == pytest.approx([0.1, 0.6, 0.3])
+
+
+# --- joints with a compliance for each sign of the torque -----------------------------------------
+
+SIDED = EFFECTS["joint_asymmetry:3"]
+TOOL = Tool(np.array([0.2, 0.1, 0.3]), np.array(["P1"], object), np.array([[0.1, 0.0, 0.2]]))
+
+
+def sided(weight, half, rng):
+    """A hypothesis in which joint 3 is softer one way by twice `half`."""
+    one = hypothesis(weight, instead="joint_asymmetry:3")
+    x = one.estimate.value.copy()
+    x[7] = half * X[2]
+    half_cov = 0.01 * np.append(X, X[2])[:, None] * (rng.normal(size=(8, 8)) + 2 * np.eye(8))
+    estimate = replace(one.estimate, value=x, cov=half_cov @ half_cov.T)
+    system = replace(one.system, B=rng.normal(size=(3, 8)))
+    cell = paper_cell(KR500, TOOL).with_effects(SIDED)
+    return replace(one, cell=cell, estimate=estimate, system=system)
+
+
+def test_a_sided_joint_has_a_compliance_for_each_way():
+    """C + dc and c - dc, by propagation; elsewhere, and in other hypotheses, both are c."""
+    rng = np.random.default_rng(7)
+    one, other = sided(0.6, 0.2, rng), hypothesis(0.4)
+    joint = SIDED.carrier[0] - 1
+    V, x = one.estimate.cov, one.estimate.value
+    found = each_way([replace(one, weight=1.0)], joint)
+    for k, sign in enumerate((1.0, -1.0)):
+        assert found.value[k] == pytest.approx(x[joint] + sign * x[7])
+        variance = V[joint, joint] + V[7, 7] + 2 * sign * V[joint, 7]
+        assert found.std[k] == pytest.approx(np.sqrt(variance))
+    assert found.cov[0, 1] == pytest.approx(V[joint, joint] - V[7, 7])
+    held = each_way([one, other], joint, SIDED)
+    np.testing.assert_allclose(held.value, found.value)
+    both = each_way([one, other], joint)
+    np.testing.assert_allclose(both.value, 0.6 * found.value + 0.4 * X[joint])
+    alone = each_way([other], joint)
+    assert alone.value[0] == alone.value[1] == X[joint]
+    plain = each_way([replace(one, weight=1.0)], joint + 1)
+    assert plain.value[0] == plain.value[1] == x[joint + 1]
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_at_a_pose_a_sided_joint_has_the_compliance_of_its_torque(way):
+    """By the sign of r x F about its axis; the rows of the system stay what they are."""
+    rng = np.random.default_rng(8)
+    one, q = sided(1.0, 0.2, rng), np.array([3.0, 0.1, -1.2, 1.3, 0.2, 0.4, 0.1])
+    one = replace(one, sized=replace(one.estimate, value=2 * one.estimate.value))
+    joint, force = SIDED.carrier[0] - 1, way * np.array([200.0, -300, 900])
+    (same,) = average_module.at_pose([hypothesis(1.0)], q, force)
+    assert same.estimate.value.tolist() == hypothesis(1.0).estimate.value.tolist()
+    (found,) = average_module.at_pose([one], q, force)
+
+    step = np.eye(7)[joint] * 1e-6  # the load point moves by dq, against which the force works
+    ahead, behind = (configure(KR500, (q + s)[None]).points(TOOL.load_point[None])[0, 0]
+                     for s in (step, -step))  # fmt: skip
+    side = np.sign((ahead - behind) @ force)
+    expected = one.estimate.value[joint] + side * one.estimate.value[7]
+    assert found.estimate.value[joint] == pytest.approx(expected)
+    assert found.sized.value[joint] == pytest.approx(2 * expected)
+    others = np.arange(8) != joint
+    assert found.estimate.value[others].tolist() == one.estimate.value[others].tolist()
+    np.testing.assert_allclose(
+        found.system.B @ found.estimate.value, one.system.B @ one.estimate.value, atol=1e-18
+    )
+
+
+def test_a_sum_that_all_hypotheses_determine_is_averaged(monkeypatch):
+    """Only c_5 + c_6 is known, in typical sizes: its value, and ends that hold for each."""
+    typical = np.array([p.typical for p in BASELINE])
+    u = np.zeros(7)
+    u[5], u[6] = typical[5], typical[6]  # the mix in typical sizes that is c_5 + c_6
+    N = np.diag([1e4] * 5 + [0.0, 0.0]) + 1e4 * np.outer(u, u) / (u @ u)
+    one, other = hypothesis(0.7), hypothesis(0.3, 1.1, instead="joint_tilt:6")
+    alone = np.arange(7) < 5
+    for several in ([replace(one, weight=1.0)], [one, other]):
+        monkeypatch.setattr(average_module, "_informations", lambda each: np.stack([N] * len(each)))
+        (mix,) = average_module.together(several, N, alone)
+        assert mix.of.tolist() == [5, 6]
+        np.testing.assert_allclose(mix.weights, [1.0, 1.0])
+        values = [h.estimate.value[5] + h.estimate.value[6] for h in several]
+        assert mix.value == pytest.approx(np.dot([h.weight for h in several], values))
+        std = 0.01 * np.sqrt(u @ u)
+        assert mix.std == pytest.approx(std)
+        assert mix.low == pytest.approx(min(values) - 1.96 * std, rel=1e-3)
+        assert mix.high == pytest.approx(max(values) + 1.96 * std, rel=1e-3)
+    whole = np.diag(np.full(7, 1e4))
+    assert average_module.together([one], whole, np.full(7, True)) == ()

@@ -175,21 +175,23 @@ def test_a_cause_is_chosen_by_its_chance_in_the_poses_that_stay():
     assert chosen(0.999 * p) == ()
 
 
-def test_what_has_no_name_and_predicts_as_well_is_told():
+@pytest.mark.parametrize(("place", "label"), [(2, "x"), (4, "z")])
+def test_what_has_no_name_and_predicts_as_well_is_told(place, label):
     """A cause at three typical sizes, an unnamed similar one, and an unrelated one."""
     several = tuple(suspect(name, FREE) for name in "abxyz")
     alike = made(
-        np.random.default_rng(5), several, {0: [3.0], 1: [1.0]}, alike={2: (0, 0.02), 4: (1, 0.02)}
-    )
+        np.random.default_rng(5), several, {0: [3.0], 1: [1.0]},
+        alike={place: (0, 0.02), 6 - place: (1, 0.02)},
+    )  # fmt: skip
     view = alike.view((0, 1))
 
     (one,) = as_good(view, 0, 2, np.random.default_rng(6))
 
-    without, instead = left_out(alike, 1), left_out(alike, 1, 2)
-    assert one.effect.label == "x"
+    without, instead = left_out(alike, 1), left_out(alike, 1, place)
+    assert one.effect.label == label
     assert one.reduction == pytest.approx(
         1 - np.sqrt(np.mean(instead**2) / np.mean(without**2)), rel=1e-6
     )
-    x = np.linalg.lstsq(alike.columns(1, 2), alike.y, rcond=None)[0]
+    x = np.linalg.lstsq(alike.columns(1, place), alike.y, rcond=None)[0]
     assert one.times_typical == pytest.approx(abs(x[-1]), rel=1e-6)
     assert one.ci95[0] > 0

@@ -14,7 +14,7 @@ from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import ArmWeights, Payloads
 from pipeline.positions.outstanding import confirmed, outstanding, same_robot
 from pipeline.positions.study import study
-from tests.geometry.test_clean_positions import DOWN, TOOL, campaign
+from tests.positions.test_clean_positions import DOWN, TOOL, campaign
 
 LENGTHS, ANGLES = 11, 9
 STD = 2e-5

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from pipeline.system.evidence import _EVERY, _SHARES, Scores, _evidence
+from pipeline.system.evidence import _EVERY, _SHARES, Scores, _evidence, _log_share
 from pipeline.system.score_tests import by_products
 from pipeline.system.yielding import Yielding
 
@@ -237,3 +237,18 @@ def test_bounds_hold_for_the_parameter_that_has_them(rows):
     against = scores(rows, at, second).log_evidence[0]
     assert against < scores(rows, at, first).log_evidence[0] - 3
     assert scores(rows, swapped, first).log_evidence[0] == pytest.approx(against)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(-1.0, 1.0), (0.5, np.inf), (6.0, 7.0), (-7.0, -6.0), (30.0, 31.0)]
+)
+def test_the_share_between_bounds_is_the_integral_of_the_density(low, high):
+    """By quadrature relative to the density at the nearer bound; alike on both sides."""
+    mean, scatter = 3.0, 0.2
+    bounds = np.array([[low], [high]]) * scatter + mean
+    found = _log_share(*bounds, mean, scatter)[0]
+    peak = min(max(low, 0.0), high)
+    whole, _ = integrate.quad(lambda x: np.exp((peak**2 - x**2) / 2), low, high)
+    assert found == pytest.approx(np.log(whole / np.sqrt(2 * np.pi)) - peak**2 / 2, rel=1e-9)
+    mirrored = 2 * mean - bounds[::-1]
+    assert _log_share(*mirrored, mean, scatter)[0] == pytest.approx(found, rel=1e-9)

@@ -100,3 +100,14 @@ def test_readings_without_noise_have_no_parts():
 
     with pytest.raises(np.linalg.LinAlgError):
         parted(replace(system, errors=replace(system.errors, G=scipy.sparse.csr_array(G * 0))))
+
+
+def test_the_rough_scale_is_half_the_log_of_residuals_over_noise():
+    """By numpy's least squares and the squares of the readings' errors alone, in any unit."""
+    system = made()
+    own = np.isin(system.errors.source.astype(str), ["tracker", "zero"])
+    G, B, c = system.errors.G.toarray(), system.B, system.c
+    left = c - B @ np.linalg.lstsq(B, c, rcond=None)[0]
+    expected = 0.5 * np.log(left @ left / np.sum(G[:, own] ** 2))
+    assert parted(system).rough == pytest.approx(expected)
+    assert parted(replace(system, c=3 * c)).rough == pytest.approx(expected + np.log(3))

@@ -384,3 +384,14 @@ def test_no_suspects_are_no_error():
     base = Base.of(np.ones((4, 1)), np.arange(4.0))
 
     assert base.beside(np.zeros((1, 4, 0, 6))).N.shape == (1, 0, 6, 6)
+
+
+def test_rows_that_are_freed_are_rows_that_are_left_out():
+    """The drop is what numpy's fit without them leaves less; one block only."""
+    one = np.sort(RNG.permutation(M)[:5])
+    rows = np.isin(np.arange(M), one)
+    found = Base.of(X, Y).free(rows)
+
+    assert found.drop == pytest.approx(rss(X, Y) - rss(X[~rows], Y[~rows]))
+    assert (found.rest, found.dof) == (pytest.approx(rss(X, Y)), M - 4)
+    assert found.rank == 5

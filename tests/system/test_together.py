@@ -237,3 +237,26 @@ def held_with(drop, rest, dof):
     return ActiveSuspects(
         np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10, None
     )
+
+
+def test_a_rival_does_as_well_in_a_suspects_place_and_nothing_beside_it():
+    """A copy of the one at work; another one that is at work, too, is none."""
+    rng = np.random.default_rng(3)
+    key, X, suspects = bench(rng)
+    D = suspects.D.copy()
+    D[2, :, 4] = D[2, :, 1] @ rng.standard_normal((3, 3))  # spans the same
+    suspects = Suspects(D, suspects.blocks)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    true = [2 * EACH + 1, 5 * EACH + 3]
+    for one in true:
+        off = dense(suspects, one) @ rng.standard_normal(3)
+        y += 60 * off / np.linalg.norm(off)
+    held = active_suspects(Base.of(X, y, key), suspects, 1e-30)
+    copy = 2 * EACH + 4
+
+    assert len(held.which) == 2
+    assert held.which[1] == true[1]
+    assert held.which[0] in (true[0], copy)
+    first, second = suspects.rivals(held)
+    assert first.tolist() == [copy if held.which[0] == true[0] else true[0]]
+    assert second.tolist() == []

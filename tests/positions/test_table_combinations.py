@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rail_chain import LETTERS, stands
-from test_unloaded import estimated, of, poses, read
 
 from pipeline.annex.sections.geometry import dh_table
 from pipeline.positions import table_entries
+from tests.geometry.test_unloaded import estimated, of, poses, read
 
 ROUGH_M = 5e-4
 
