@@ -304,14 +304,14 @@ class _LinearFit:
         Where products of parameters bend the objective so much that a step to the solution does
         not lessen it as predicted, the step is damped (Levenberg and Marquardt). A damped step is
         small in any case: the iteration then ends where the whole one promises nothing, or where
-        no step is small enough, as between the flanks of a gear.
+        more damping gains less or nothing, as between the flanks of a gear.
         """
         where, x = layout(self.mechanism), self.found.x
         x0, P = self.mechanism.at(where), precision(self.mechanism, self.known)[0]
         off = padded(self.known.mean, len(x)) - x0
         before = np.einsum("mij,mj->mi", self.rows.W, self.here.seen[0])
         slope = self.rows.products(before[..., None])[:, 0] + P @ off
-        damped = self.damped
+        damped, earlier = self.damped, -np.inf
         while True:
             step = x - x0
             if damped:
@@ -323,14 +323,16 @@ class _LinearFit:
             prior_gain = float(step @ P @ (2 * off - step))
             gain = float(np.sum(before**2) - np.sum(left**2)) + prior_gain
             promised = float(np.sum(before**2) - np.sum(expected**2)) + prior_gain
-            if gain > _KEPT[0] * promised - _TINY or damped > _MOST_DAMPED:
+            fails = gain <= _KEPT[0] * promised - _TINY
+            lost = damped > _MOST_DAMPED or (fails and 0 < gain < earlier)
+            if lost or not fails:
                 break
-            damped = max(10 * damped, 1.0)
+            damped, earlier = max(10 * damped, 1.0), gain
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         settled = slope @ (x - x0) < 2 * _FLAT if damped else True
-        ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
+        ends = lost or all([straight, settled, self._still(moved)])
         return moved, replace(self, mechanism=moved, here=then, damped=damped, white=None), ends
 
     def _still(self, moved: Mechanism) -> bool:
