@@ -20,7 +20,6 @@ from pipeline.positions.estimate import (
     Posterior,
     Prior,
     ReadRows,
-    again,
     by_a_factor,
     held_step,
     larger,
@@ -179,10 +178,10 @@ def calibrate(
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, layout(mechanism).letters, known), mechanism, wanted)
     now = _LinearFit(mechanism, known, scatter, linearised(readings, mechanism, weights))
-    change = np.inf
+    change, flat = np.inf, False
     for turn in range(_MOST):
-        if turn < _SETTLED and not (now.flat and change < _FLAT):
-            now = now.with_outstanding(change).rescaled(wanted, _UPDATES, change=change)
+        if turn < _SETTLED and not (flat and change < _FLAT):
+            now, flat = now.with_outstanding(change).rescaled(wanted, _UPDATES, change=change)
         fit, moved, now, straight = now, *now.stepped(readings, weights)
         if straight:
             break
@@ -195,8 +194,8 @@ def calibrate(
 class _LinearFit:
     """Least squares about one linearisation, with the fields of `Calibration`.
 
-    `flat` says whether the last update of scatter and prior scales gained nothing any more, and
-    `white` are the rows if they are known.
+    `white` are the rows if they are known, and `held` is what a fit near this one absorbs of the
+    noise, shape (m, r, r).
     """
 
     mechanism: Mechanism
@@ -204,8 +203,8 @@ class _LinearFit:
     scatter: PoseScatter
     here: Linear
     damped: float = 0.0
-    flat: bool = False
     white: ReadRows | None = None
+    held: Array | None = None
 
     @cached_property
     def rows(self) -> ReadRows:
@@ -235,13 +234,13 @@ class _LinearFit:
 
     def rescaled(
         self, wanted: ModelStructure, most: int, least: float = -np.inf, change: float = np.inf
-    ) -> _LinearFit:
+    ) -> tuple[_LinearFit, bool]:
         """The fit with scatter and scales of the priors that the readings make likeliest.
 
         Updates gain less and less; they end where as much as the next one promises in each would
         not bring the log evidence to `least` any more. After one that has gained little, or a
         `change` as little by what came before, only prior scales are updated: scatter converges at
-        once.
+        once. The second value says whether the last one has gained nothing any more.
         """
         now = self
         for left in range(most, 0, -1):
@@ -251,8 +250,8 @@ class _LinearFit:
             change = abs(then.likely - now.likely)
             now = then
             if change < _FLAT:
-                return replace(now, flat=True, white=now.rows)
-        return now
+                return now, True
+        return now, False
 
     def hopeless(self, wanted: ModelStructure, held: Array, least: float) -> bool:
         """Whether all updates together do not promise to bring the log evidence to `least`.
@@ -261,23 +260,35 @@ class _LinearFit:
         """
         if self.likely > least:
             return False
-        e = self.rows.y - self.rows.along(self.found.x)
-        _, by_scatter = self.scatter.better(self.here, unwhitened(self.rows, e, held))
+        _, by_scatter = self._scattered(held)
         _, by_priors = self._likelier(wanted, False)
         return self.likely + _UPDATES * (by_scatter + by_priors) < least
 
+    def _scattered(self, held: Array) -> tuple[PoseScatter, float]:
+        """Scatter by the residuals and by what an estimate absorbs of the noise, and its gain."""
+        e = self.rows.y - self.rows.along(self.found.x)
+        return self.scatter.better(self.here, unwhitened(self.rows, e, held))
+
     def _likelier(self, wanted: ModelStructure, scatters: bool) -> tuple[_LinearFit, float]:
-        """The fit with updated scales of the priors, and scatter, and what it promises to gain."""
+        """The fit with updated scales of the priors, and scatter, and what it promises to gain.
+
+        What the fit absorbs is computed anew only where the earlier one shows that scatter gains.
+        """
         mechanism = larger(self.mechanism, self.found)
         known = _only(rougher(self.known, self.found), self.mechanism, wanted)
         gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
         then = replace(self, mechanism=mechanism, known=known, flat=False, white=self.rows)
         if not scatters:
             return then, gain
-        scatter, by_scatter = again(self.rows, self.here, self.found, self.scatter)
+        held, by_scatter = self.held, np.inf
+        if held is not None:
+            scatter, by_scatter = self._scattered(held)
+        if by_scatter > _FLAT:
+            held = self.rows.variance(self.found)
+            scatter, by_scatter = self._scattered(held)
         if by_scatter > _FLAT:
             then = replace(then, scatter=scatter, white=None)
-        return then, gain + by_scatter
+        return replace(then, held=held), gain + by_scatter
 
     def with_outstanding(self, change: float) -> _LinearFit:
         """The fit with those DH parameters free that are far beyond the rest of the table."""
@@ -294,14 +305,14 @@ class _LinearFit:
         Where products of parameters bend the objective so much that a step to the solution does
         not lessen it as predicted, the step is damped (Levenberg and Marquardt). A damped step is
         small in any case: the iteration then ends where the whole one promises nothing, or where
-        no step is small enough, as between the flanks of a gear.
+        more damping gains less or nothing, as between the flanks of a gear.
         """
         where, x = layout(self.mechanism), self.found.x
         x0, P = self.mechanism.at(where), precision(self.mechanism, self.known)[0]
         off = padded(self.known.mean, len(x)) - x0
         before = np.einsum("mij,mj->mi", self.rows.W, self.here.seen[0])
         slope = self.rows.products(before[..., None])[:, 0] + P @ off
-        damped = self.damped
+        damped, earlier = self.damped, -np.inf
         while True:
             step = x - x0
             if damped:
@@ -313,14 +324,16 @@ class _LinearFit:
             prior_gain = float(step @ P @ (2 * off - step))
             gain = float(np.sum(before**2) - np.sum(left**2)) + prior_gain
             promised = float(np.sum(before**2) - np.sum(expected**2)) + prior_gain
-            if gain > _KEPT[0] * promised - _TINY or damped > _MOST_DAMPED:
+            fails = gain <= _KEPT[0] * promised - _TINY
+            lost = damped > _MOST_DAMPED or (fails and 0 < gain < earlier)
+            if lost or not fails:
                 break
-            damped = max(10 * damped, 1.0)
+            damped, earlier = max(10 * damped, 1.0), gain
         if gain > _KEPT[1] * promised:
             damped = damped / 10 if damped > 1 else 0.0
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         settled = slope @ (x - x0) < 2 * _FLAT if damped else True
-        ends = damped > _MOST_DAMPED or all([straight, settled, self._still(moved)])
+        ends = lost or all([straight, settled, self._still(moved)])
         return moved, replace(self, mechanism=moved, here=then, damped=damped, white=None), ends
 
     def _still(self, moved: Mechanism) -> bool:
@@ -455,7 +468,7 @@ def tried(found: Calibration, wanted: ModelStructure, least: float = -np.inf) ->
     known = _only(known, mechanism, wanted)
     fit = _LinearFit(mechanism, known, _scatter_without(found, wanted), here)
     if not fit.hopeless(wanted, found.held, least):
-        fit = fit.rescaled(wanted, _UPDATES, least)
+        fit, _ = fit.rescaled(wanted, _UPDATES, least)
     return fit.ended(fit.mechanism, found.readings, found.weights, wanted)
 
 

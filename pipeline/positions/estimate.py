@@ -561,14 +561,6 @@ _SMALLEST = 1e-7
 """Lower limit of a curve's size [m or rad], which amounts to no curve."""
 
 
-def again(
-    rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter
-) -> tuple[PoseScatter, float]:
-    """Scatter estimated from the residuals and the uncertainty of the fit, and what it gains."""
-    left = rows.y - rows.along(found.x)
-    return scatter.better(about, unwhitened(rows, left, rows.variance(found)))
-
-
 def unwhitened(rows: ReadRows, left: Array, held: Array) -> Array:
     """Products of the errors, L (e e' + H) L', from residuals e (m, r) and what is absorbed, H."""
     products = left[:, :, None] * left[:, None, :] + held

@@ -322,13 +322,20 @@ def _of_outputs(data: LawSearchData, found: Calibration, judge: LeftOutPoses) ->
 def _likelier(
     data: LawSearchData, found: Calibration, wanted: ModelStructure, judge: LeftOutPoses
 ) -> Calibration | None:
-    """The likelier of the estimates from two starts, if it is better than the one found."""
-    anew = replace(found, known=replace(found.known, groups={}))
+    """The likelier of the estimates from two starts, if it is better than the one found.
+
+    Of many poses the start that is likelier about one linearisation goes first, from there, and
+    the other one only if that ends no better than the one found.
+    """
+    starts = [found, replace(found, known=replace(found.known, groups={}))]
     few, least = len(found.readings.q) <= _FEW, found.likely
-    starts = [one for one in (found, anew) if few or tried(one, wanted, least).likely > least]
-    ends = [data.identify(found.mechanism, wanted, one) for one in starts]
-    best = max(ends, key=lambda one: one.likely, default=found)
-    return best if best.likely > found.likely and judge.as_good(best, found) else None
+    if not few:
+        about = sorted((tried(one, wanted, least) for one in starts), key=lambda one: -one.likely)
+        starts = [one for one in about if one.likely > least]
+    ends = (data.identify(one.mechanism, wanted, one) for one in starts)
+    better = (one for one in ends if one.likely > least)
+    best = max(better, key=lambda one: one.likely, default=None) if few else next(better, None)
+    return best if best and judge.as_good(best, found) else None
 
 
 _FEW = 500

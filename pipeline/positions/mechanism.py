@@ -28,7 +28,7 @@ from pipeline.geometry.unloaded import reach
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, torque, translation_along
-from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, twists
+from pipeline.machine.robot.dh_parameters import DhParameter, changed, dh_parameters, moved, twists
 from pipeline.machine.robot.weight import by_moments, carried, work
 from pipeline.positions.laws import Inputs, JointLaw
 from pipeline.positions.random_curve import Curve
@@ -174,7 +174,7 @@ class Mechanism(Locked):
             force: Force at `tip` [N], F_b, shape (m, 3).
             tip: Point of the flange frame [m], shape (3,); the first target if not given.
         """
-        robot = self.robot
+        robot = moved(self.table, self.letters, self.values)
         tip = self.tool[0, :3, 3] if tip is None else tip
         mass, centre = weights.at_poses(self.payload)
         here = configure(robot, q)

@@ -21,7 +21,7 @@ from pipeline.base.arrays import Array
 from pipeline.geometry.unloaded import START
 from pipeline.machine.robot import configure
 from pipeline.positions.calibrate import Calibration
-from pipeline.positions.estimate import again
+from pipeline.positions.estimate import unwhitened
 from pipeline.positions.study import Study
 from pipeline.system import alarms
 
@@ -39,9 +39,6 @@ beside identified causes, or those of a carriage beside joints [1]."""
 
 _BED = (1e-4, 2e-4)
 """Initial standard deviations of a carriage's error at a pose, positions [m] and angles [rad]."""
-
-_UPDATES = 5
-"""Updates of the scatter by which carriage and joints share what is left."""
 
 
 class PoseErrors(NamedTuple):
@@ -104,8 +101,8 @@ def _of_carriage(found: Calibration) -> tuple[Array | None, bool]:
     robot, lever = found.mechanism.table, _lever(found)
     usual = _MEDIAN * np.where(robot.prismatic, START[True], START[False])
     shared = replace(found.scatter, joints=np.append(usual, np.repeat(_BED, 3)))
-    for _ in range(_UPDATES):
-        shared, _ = again(found.rows, found.linear, found.solution, shared)
+    rows, e = found.rows, found.rows.y - found.rows.along(found.solution.x)
+    shared, _ = shared.better(found.linear, unwhitened(rows, e, rows.variance(found.solution)))
     moves = lever * shared.joints**2
     carriage = moves[robot.n :]
     if carriage.sum() < _SHARE * moves.sum():

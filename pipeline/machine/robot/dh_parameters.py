@@ -11,7 +11,7 @@ rotation, about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Rob
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -20,11 +20,8 @@ import numpy as np
 
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Locked
-from pipeline.machine.robot.configuration import (
-    Configuration,
-    rotation_about,
-    translation_along,
-)
+from pipeline.machine.robot import mdh
+from pipeline.machine.robot.configuration import Configuration, rotation_about, translation_along
 from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, along_x, along_z, of_table
 from pipeline.machine.robot.steps import Fixed
 
@@ -143,7 +140,7 @@ def twists(configuration: Configuration, wanted: Sequence[DhParameter]) -> Array
         wanted: k letters of its table.
     """
     m = len(configuration.q)
-    out = np.empty((m, len(wanted), 6))
+    out = np.empty((len(wanted), 6, m)).transpose(2, 0, 1)  # poses side by side, as in `configure`
     for k, letter in enumerate(wanted):
         R, o = np.broadcast_to(np.eye(3), (m, 3, 3)), np.zeros((m, 3))
         if letter.carrier:
@@ -156,20 +153,30 @@ def twists(configuration: Configuration, wanted: Sequence[DhParameter]) -> Array
 
 def changed(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> Robot:
     """The robot with values [m] or [rad], shape (k,), added to letters of its table (and text)."""
-    file = file_of(robot)
-    rows = [row.model_dump(exclude_none=True) for row in file.joint]
-    for letter, value in zip(wanted, values, strict=True):
-        row = rows[letter.joint - 1]
-        shift = float(np.rad2deg(value)) if letter.turns else float(value)
-        row[letter.key] = float(row.get(letter.key) or 0.0) + shift
+    rows = [row.model_dump(exclude_none=True) for row in _shifted(robot, wanted, values)]
     content = dict(_table(robot.text, robot.name)) | {"joint": rows}
     return of_table(content, toml.dumps(content), robot.name).under(robot.gravity)
+
+
+def moved(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> Robot:
+    """The robot placed as by `changed`, with rows and text as in its file: for an iteration."""
+    rows = _shifted(robot, wanted, values)
+    placement, flange = mdh.placements(file_of(robot).model_copy(update={"joint": rows}))
+    return replace(robot, placement=placement, flange=flange)
+
+
+def _shifted(robot: Robot, wanted: Sequence[DhParameter], values: Array) -> list[Joint]:
+    rows = list(file_of(robot).joint)
+    for letter, value in zip(wanted, values, strict=True):
+        row, shift = rows[letter.joint - 1], np.rad2deg(value) if letter.turns else value
+        now = (getattr(row, letter.key) or 0.0) + float(shift)
+        rows[letter.joint - 1] = row.model_copy(update={letter.key: now})
+    return rows
 
 
 def nominal(robot: Robot, wanted: Sequence[DhParameter]) -> Array:
     """Tabulated value of each letter [m] or [rad], shape (k,)."""
     file = file_of(robot)
     items = [getattr(file.joint[one.joint - 1], one.key) or 0.0 for one in wanted]
-    return np.array(
-        [np.deg2rad(s) if one.turns else s for one, s in zip(wanted, items, strict=True)]
-    )
+    each = zip(wanted, items, strict=True)
+    return np.array([np.deg2rad(s) if one.turns else s for one, s in each])
