@@ -277,7 +277,7 @@ class _LinearFit:
         mechanism = larger(self.mechanism, self.found)
         known = _only(rougher(self.known, self.found), self.mechanism, wanted)
         gain = promised(self.found, (self.mechanism, self.known), (mechanism, known))
-        then = replace(self, mechanism=mechanism, known=known, flat=False, white=self.rows)
+        then = replace(self, mechanism=mechanism, known=known, white=self.rows)
         if not scatters:
             return then, gain
         held, by_scatter = self.held, np.inf

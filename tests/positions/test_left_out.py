@@ -103,11 +103,13 @@ def test_scales_stay_with_their_laws_where_as_many_others_take_their_places(foun
 
 
 def test_updates_that_still_gain_are_not_the_last_ones(found, monkeypatch):
-    """Also after earlier ones, about another linearisation, that gained nothing any more."""
+    """Where any gain is more than nothing."""
     monkeypatch.setattr(estimates, "_FLAT", 0.0)
     own = found.mechanism, found.known, found.scatter, found.linear
 
-    assert not estimates._LinearFit(*own, flat=True).rescaled(found.wanted, 2).flat
+    _, flat = estimates._LinearFit(*own).rescaled(found.wanted, 2)
+
+    assert not flat
 
 
 def test_a_trial_ends_before_its_end_only_where_it_is_hopeless(found):

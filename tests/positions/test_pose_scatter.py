@@ -7,7 +7,7 @@ import pytest
 from scipy import optimize, stats
 
 from pipeline.positions import scatter as module
-from pipeline.positions.estimate import Posterior, ReadRows, again
+from pipeline.positions.estimate import Posterior, ReadRows, unwhitened
 from pipeline.positions.laws import Inputs
 from pipeline.positions.mechanism import Linear
 from pipeline.positions.outliers import _columns
@@ -183,7 +183,10 @@ def test_a_balanced_layout_has_its_variances_in_closed_form(between):
         x = root[0] ** 2 * np.sum(D[..., 0] * b)
         known = Posterior(x, root, np.zeros((0, 0)), 0.0)
         at = np.zeros((m, 0), dtype=int)
-        scatter, _ = again(ReadRows(D, np.zeros((m, r, 0)), at, 0, b, W, L), about, known, scatter)
+        here = ReadRows(D, np.zeros((m, r, 0)), at, 0, b, W, L)
+        left = here.y - here.along(known.x)
+        products = unwhitened(here, left, here.variance(known))
+        scatter, _ = scatter.better(about, products)
 
     middle = y.mean(axis=1)
     within = np.sum((y - middle[:, None]) ** 2)
