@@ -433,14 +433,13 @@ def _add(
     are valid within their tolerance only.
     """
     for i in _likeliest(now):
-        label = task.suspects[i].label
         if now.log_evidence[i] < LEAST_EVIDENCE:
             return None
         if not found[i] or not may_join(task.suspects, view.model.accepted, int(i)):
             continue
         if _possible(task, now, int(i)):
             return int(i)
-        refused[label] = None
+        refused[task.suspects[i].label] = None
     return None
 
 

@@ -158,8 +158,7 @@ def _open_(found: SearchResult, rng: np.random.Generator) -> bool:
 
 
 def _named(task: SearchTask, found: SearchResult) -> set[tuple[str, str]]:
-    effects = [task.suspects[i] for i in found.accepted]
-    return {(one.label, one.form) for one in effects if one.law is not None}
+    return {(e.label, e.form) for i in found.accepted if (e := task.suspects[i]).law is not None}
 
 
 def _likely(
@@ -305,8 +304,7 @@ def _carries(task: SearchTask, found: SearchResult, rng: np.random.Generator) ->
     At 95 %, poses drawn with replacement, given everything else that is accepted; over all poses,
     or over those whose values lie within the range of the other poses.
     """
-    laws = [i for i in found.accepted if task.suspects[i].law is not None]
-    return all(_carried(task, found, law, rng) for law in laws)
+    return all(_carried(task, found, i, rng) for i in found.accepted if task.suspects[i].law)
 
 
 def _carried(task: SearchTask, found: SearchResult, law: int, rng: np.random.Generator) -> bool:

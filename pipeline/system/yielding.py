@@ -75,6 +75,8 @@ class Work:
     def of(cls, seen: Linearised, suspects: Sequence[Effect], typical: Array, most: int) -> Work:
         """Of some suspects with at most so many parameters; typical sizes of the springs first."""
         some = {i: e for i, e in enumerate(suspects) if isinstance(e, Elastic) and e.modulates}
+        if not some:
+            return cls(np.zeros(0, np.int64), np.zeros((0, 1, 1)), np.zeros((0, 1, most)))
         loaded = load(seen.model.cell, seen.data.pulls, seen.model.values)
         (joints,) = baseline(seen.model.cell.robot)
         tau2 = further_work(joints, loaded) * typical[: len(joints.parameters)]
@@ -84,7 +86,7 @@ class Work:
             own[n, :, : len(scale)] = further_work(effect, loaded) * scale
             at = [] if effect.twists else [joint - 1 for joint in effect.carrier]
             springs[n, :, at] = tau2[:, at].T
-        return cls(np.array([*some], np.int64), springs, own)
+        return cls(np.array([*some]), springs, own)
 
     def bound(self, M: Array, base: Ints, at: Ints, now: ScoreTests) -> Yielding:
         """The bounds in addition to one base.
@@ -99,6 +101,8 @@ class Work:
         """
         out = Yielding(np.full(len(at), np.inf), np.zeros(at.shape), np.zeros(len(at)))
         mine, s = self.suspects, self.springs.shape[2]
+        if not len(mine):
+            return out
         cov, there = linear.covariance(M[np.ix_(base, base)])[:s], at[mine, None]
         lost = np.isinf(np.diag(cov))
         cov[lost] = 0.0

@@ -24,7 +24,12 @@ def test_equal_digits_are_as_improbable_as_the_last_one_is_narrow(monkeypatch):
     monkeypatch.setattr(stale_reading, "odd_forces", lambda _: {})
     (found,) = repeated(asked(case))
 
-    std = np.sqrt(rows.loc[copy, ["cxx_m2", "cyy_m2", "czz_m2"]].to_numpy(float)[0])
+    stated = np.sqrt(rows.loc[copy, ["cxx_m2", "cyy_m2", "czz_m2"]].to_numpy(float)[0])
+    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()].assign(
+        pose=rows["pose"].fillna(-1)
+    )
+    each = [one[XYZ].to_numpy(float) for _, one in still.groupby(["pose", "target"], observed=True)]
+    std = np.minimum(stated, np.median(np.abs(np.vstack([b[1:] - b[:-1] for b in each]))))
     groups = rows.drop_duplicates("group").assign(at=lambda one: one["pose"].fillna(-1))
     each = groups.groupby("at").size()
     pairs = (each * (each - 1) / 2).sum()

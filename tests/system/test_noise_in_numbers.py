@@ -30,7 +30,7 @@ from pipeline.system.family import (
     Family,
     LoosestTarget,
 )
-from pipeline.system.noise_shape import NoiseShape, _between, _overstated
+from pipeline.system.noise_shape import NoiseShape, _overstated
 from pipeline.system.odds import DECIDES
 from pipeline.system.spells import States
 from pipeline.system.system import Errors, ScatterRatio
@@ -216,13 +216,6 @@ def test_a_shape_differs_by_what_it_does_to_variances():
             assert UNSEEN.differs(replace(UNSEEN, wander=slow)) == differs
     half = np.where(np.arange(n) < n / 2, np.exp(0.12), 1.0)
     assert not UNSEEN.differs(replace(UNSEEN, variance=half))  # 0.085 rms
-
-
-def test_only_gross_errors_move_in_a_spell():
-    """Elsewhere every reading has its posterior mean."""
-    mean, start = np.array([1.0, 99.0, 101.0]), np.array([2.0, 3.0, 4.0])
-    assert _between(certain(_FAMILIES - 1), mean, start).tolist() == [2.0, 3.0, 101.0]
-    assert _between(certain(1), mean, start).tolist() == [1.0, 99.0, 101.0]
 
 
 @pytest.mark.parametrize("dof", [30, 400])
