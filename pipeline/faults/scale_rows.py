@@ -115,10 +115,13 @@ def _in_unit(moved: PullMoves, pose: Ints) -> _Change | None:
     """The rows that agree with all others in another unit only.
 
     Sought from the compliances on which most pulls agree, else from typical ones; if there are
-    none, from those of all poses but one, which few others would not outweigh.
+    none, from those of all poses but one, which few others would not outweigh. None where all pulls
+    agree as logged: two poses that determine nothing together agree in any units.
     """
-    most = moved.solved(moved.force)
-    found = [*_changes(moved, most)] or [*_changes(moved, np.ones(moved.G.shape[2]))]
+    logged = ordered(moved, np.arange(len(moved.force)))
+    if logged.model <= USUAL_MISFIT and _agree(moved, logged, moved.force).all():
+        return None
+    found = [*_changes(moved, logged.x)] or [*_changes(moved, np.ones(moved.G.shape[2]))]
     for one in np.unique(pose) if not found else ():
         others = moved.only(pose != one)
         found += _changes(moved, others.solved(others.force))
@@ -200,12 +203,11 @@ def _of_unit(rows: pd.DataFrame, change: _Change) -> Mistake:
     unit, factor, at = change.unit, change.factor, lines_of(rows)
     whole, first, last = change.ends
     either = " or ".join(map(symbol, (unit, *change.instead)))
-    text = f"are {either} and were read as N"
-    if change.sign != 1:
-        text = f"are N and were read as {either}"
+    stated, read = (either, "N")[:: change.sign]
     found = of_unit(
         where=unit if change.sign == 1 else "n",
-        says=f"{_said(at, *change.ends)} the numbers of the scale {text}",
+        says=f"{_said(at, *change.ends)} the numbers of the scale are {stated} and were read as "
+        f"{read}",
         why=f"these pulls moved the robot {factor:.4g} times as far per newton as the others",
         at=at,
         factor=factor,
@@ -231,8 +233,7 @@ def _said(at: tuple[str, ...], whole: bool, first: bool, last: bool) -> str:
 def _times(case: Case, keys: set[tuple[int, int]], factor: float) -> Case:
     loads = case.loads
     mine = [key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
-    times = np.where(mine, factor, 1.0)
-    new = {name: loads[name] * times for name in ("force_n", "unit_n")}
+    new = {name: loads[name] * np.where(mine, factor, 1.0) for name in ("force_n", "unit_n")}
     return replace(case, loads=loads.assign(**new))
 
 

@@ -53,7 +53,7 @@ class Yielding:
             cov: Its covariance, shape (..., n, k, k).
         """
         var = np.einsum("nk,...nkl,nl->...n", self.normal, cov, self.normal) + self.var
-        std = np.maximum(np.sqrt(var), _NOTHING)
+        std = np.sqrt(np.maximum(var, _NOTHING**2))
         return self.offset + np.einsum("nk,...nk->...n", self.normal, size), std
 
 

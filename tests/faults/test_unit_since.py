@@ -120,6 +120,15 @@ def test_weak_pulls_that_agree_in_either_unit_are_no_others(seed):
     assert scale_rows(asked(case(written(right, "loads.csv", head, new)))) == []
 
 
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("seed", [906, *range(940, 951)])
+def test_two_poses_that_agree_as_logged_are_in_one_unit(seed):
+    """Six pulls of two poses do not determine all springs: they agree in other units as well."""
+    files = simulate(Plan(name="two", seed=seed, poses={"count": 2})).files
+
+    assert scale_rows(asked(case(dict(files)))) == []
+
+
 @pytest.mark.parametrize("copies", [[4, 10, 17], [1, 5, 6, 7, 13, 14]])
 def test_forces_copied_from_the_row_before(copies):
     """Each row has what the one before it should read, three in succession or not."""
