@@ -195,7 +195,7 @@ def study(
     moved = tuple(_moves(whole.found, chances))
     weighed = other if weighs(robot) else _weigh(stages[1].found, stages[2].found, rng)
     form = OTHER_MASSES if other else ""
-    sag = (weighed.cause(whole.found, form),) if weighed else ()
+    sag = weighed.causes(whole.found, form) if weighed else ()
     return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
 
@@ -206,11 +206,12 @@ class _Weighed(NamedTuple):
     p: float
     gains: tuple[LeftOutGain, LeftOutGain]
 
-    def cause(self, found: Calibration, form: str) -> CatalogueCause:
-        """The weight as a cause, with the amounts of the complete model."""
+    def causes(self, found: Calibration, form: str) -> tuple[CatalogueCause, ...]:
+        """The weight as a cause, with the amounts of the complete model; none if none is known."""
         one = weight(found)
         near, far = self.gains
-        return replace(one, form=form or one.form, p=self.p, gain=near, carried=far)
+        known = replace(one, form=form or one.form, p=self.p, gain=near, carried=far)
+        return (known,) if known.amounts else ()
 
 
 def _weigh(before: Calibration, after: Calibration, rng: np.random.Generator) -> _Weighed | None:

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.positions.study import _of_masses
+from pipeline.positions import study
+from pipeline.positions.catalogue_causes import CatalogueCause
+from pipeline.positions.cross_validation import NO_GAIN
+from pipeline.positions.study import _of_masses, _Weighed
 
 MEAN = np.array([[300.0, 20.0, -8.0, 4.0], [90.0, -3.0, 12.0, 6.0]])
 STD = 0.05 * np.abs(MEAN)
@@ -55,3 +58,14 @@ def test_readings_that_tell_of_no_mass_refute_none():
     rng = np.random.default_rng(7)
 
     assert _of_masses(estimated(rng, 5.0, noise=1e3)) == 1.0
+
+
+@pytest.mark.parametrize("amounts", [(), ("M_theta2",)])
+def test_masses_of_which_nothing_is_known_are_no_cause(monkeypatch, amounts):
+    """Noise of 20 mm refutes what a robot file states, and leaves every torque uncertain."""
+    sag = CatalogueCause("gravity_sag", None, "moments", amounts)
+    monkeypatch.setattr(study, "weight", lambda _: sag)
+
+    found = _Weighed(None, 1e-9, (NO_GAIN, NO_GAIN)).causes(None, "other masses")
+
+    assert [(one.form, one.p) for one in found] == [("other masses", 1e-9)] * len(amounts)
