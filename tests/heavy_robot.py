@@ -131,6 +131,11 @@ def read(machine, q, rng, noise=1e-5, joint=1e-5, station=None):
     at = np.einsum("mij,tj->mti", flange[:, :3, :3], TOOL) + flange[:, None, :3, 3]
     R, t = station or (pin.exp3(np.array([0.1, -0.05, 2.0])), np.array([3.0, -4.0, 0.6]))
     at = at @ R.T + t + noise * rng.standard_normal(at.shape)
+    return of_three(q, at)
+
+
+def of_three(q, at):
+    """Readings of three reflectors in one series, one line for each pose, at (m, 3, 3)."""
     m = len(q)
     return PositionReadings(
         series=np.zeros(m, dtype=np.int64),

@@ -612,7 +612,7 @@ def _moves(task: SearchTask, view: Whitened, out: tuple[int, ...], most: int) ->
     for i in free:
         yield _Move(float(now.log_evidence[i]) - LEAST_EVIDENCE - mine, out, (i,))
     if max(len(out), most) > 1:
-        stays = [task.suspects[i].label for i in gone] if len(out) == 1 else []
+        stays = [task.suspects[i].label for i in gone if len(out) == 1]
         free = [i for i in free if task.suspects[i].label not in stays]
         for pair, evidence in _in_pairs(task, view, rest, now, free):
             yield _Move(evidence - 2 * LEAST_EVIDENCE - mine, out, pair)

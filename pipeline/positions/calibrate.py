@@ -330,7 +330,7 @@ class _LinearFit:
                 break
             damped, earlier = max(10 * damped, 1.0), gain
         if gain > _KEPT[1] * promised:
-            damped = damped / 10 if damped > 1 else 0.0
+            damped = damped / 10 * (damped > 1)
         straight = float(np.quantile(np.abs(left - expected), _MOST_OF_THEM)) < _STRAIGHT
         settled = slope @ (x - x0) < 2 * _FLAT if damped else True
         ends = lost or all([straight, settled, self._still(moved)])

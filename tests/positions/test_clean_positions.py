@@ -8,6 +8,7 @@ from functools import reduce
 
 import numpy as np
 import pytest
+from heavy_robot import of_three
 from scipy.spatial.transform import Rotation
 
 from pipeline.diagnosis.finding import Verdict
@@ -15,7 +16,6 @@ from pipeline.diagnosis.verdict import verdict
 from pipeline.machine.robot import load
 from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import ArmWeights, Payloads
-from pipeline.positions.readings import PositionReadings
 from pipeline.positions.study import ModelStage, study
 
 DOWN = np.array([0.0, 0.0, -9.80665])
@@ -130,21 +130,7 @@ def campaign(seed, convention, masses, hand, folder):
     at = np.einsum("mij,tj->mti", T[:, :3, :3], TOOL) + T[:, None, :3, 3]
     at = seen("even" if hand == "joints" else hand, at, rng)
     turn = Rotation.from_euler("zx", [rng.uniform(-3, 3), 0.2]).as_matrix()
-    readings = PositionReadings(
-        series=np.zeros(m, dtype=np.int64),
-        names=np.array([""], dtype=object),
-        pose=np.arange(1, m + 1),
-        file=np.full(m, "poses.csv", dtype=object),
-        line=np.arange(2, m + 2),
-        q=q,
-        targets=np.array(["P1", "P2", "P3"], dtype=object),
-        six=np.zeros(3, dtype=bool),
-        at=at @ turn + rng.uniform(-2, 2, 3),
-        turn=np.tile(np.eye(3), (m, 3, 1, 1)),
-        payload=np.zeros(m, dtype=np.int64),
-        payloads=np.array([], dtype=object),
-        temperature=np.full(m, np.nan),
-    )
+    readings = of_three(q, at @ turn + rng.uniform(-2, 2, 3))
     return load(str(path)), readings
 
 
