@@ -12,6 +12,9 @@ from bench.fuzz.judge import BAD, GOOD
 
 Row = dict[str, Any]
 
+SLOW_MS = 10_000
+"""CPU time from which a case is listed as slow [ms]."""
+
 
 def cause(row: Row) -> str:
     """Key shared by rows of one failure: the place in the code, or the pattern of the sentence."""
@@ -46,6 +49,8 @@ def summary(rows: Sequence[Row]) -> list[str]:
     )
     warned = Counter(word.partition(":")[0] for row in rows for word in row.get("warned", ()))
     lines += [f"{count} cases with {name}" for name, count in warned.most_common(5)]
+    slow = [str(row["case"]) for row in rows if row.get("ms", 0) > SLOW_MS]
+    lines += [f"{len(slow)} slow, cases {', '.join(slow[:40])}"] if slow else []
     misled = [str(row["case"]) for row in rows if row["outcome"] == "misled"]
     lines += [f"misled in cases {', '.join(misled[:20])}"] if misled else []
     for name, group in failures(rows).items():

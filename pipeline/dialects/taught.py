@@ -37,11 +37,13 @@ _RAPID = re.compile(
     re.MULTILINE | re.IGNORECASE,
 )
 _TP = re.compile(
-    r'^P\[(?P<number>\d+)(?:[ \t]*:[ \t]*"(?P<name>[^"\n]*)")?\][ \t]*\{(?P<body>[^}]*)\}',
+    r'^P\[(?P<number>\d{1,9})(?:[ \t]*:[ \t]*"(?P<name>[^"\n]*)")?\][ \t]*\{(?P<body>[^}]*)\}',
     re.MULTILINE,
 )
 _TP_AXIS = re.compile(rf"\b([JE])([1-9])[ \t]*=[ \t]*({_NUMBER})[ \t]*(deg|mm)")
-_JBI = re.compile(r"^(?P<of>B?)C(?P<number>\d+)[ \t]*=[ \t]*(?P<axes>[-+\d., \t]+)$", re.MULTILINE)
+_JBI = re.compile(
+    r"^(?P<of>B?)C(?P<number>\d{1,9})[ \t]*=[ \t]*(?P<axes>[-+\d., \t]+)$", re.MULTILINE
+)
 _JBI_AXES = ("SLURBTE", ("E1", "E2", "E3"))
 """Axes of the arm, and of the base that moves it."""
 _AS = re.compile(
@@ -98,7 +100,7 @@ _OF_ROW = re.compile(r"[^\W\d_]+[ _-]*\d+(?=[\s;,:]*$)")
 """The name of the point before the axes of a row: `POS 3`."""
 _NONE = 1e9
 """Limit from which a RAPID value means an axis that does not exist: 9E9."""
-_NAMED = re.compile(r"(?P<stem>[^\W\d]*?)[ _-]*(?P<number>\d+)")
+_NAMED = re.compile(r"(?P<stem>[^\W\d]*?)[ _-]*(?P<number>\d{1,9})")
 _BLOCK = re.compile(r"[NG]\d+")
 """The number of a block, and what it does, are no names."""
 _POSES = ("pose", "p", "pos", "point", "pt", "jpos", "j", "jnt", "pnt")

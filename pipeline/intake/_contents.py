@@ -21,6 +21,7 @@ _MOST = 0.8
 damaged."""
 _FEW = 3
 """Minimum number of rows for a column to count as numbering them."""
+_WHOLE = re.compile(r"[0-9]{1,18}")
 _COUNTED = re.compile(r"[0-9]{1,9} ?[^\W\d_]{0,4}")
 _DAY = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}\.([0-9]{2}|[0-9]{4})|[0-9]{4}-[0-9]{2}-[0-9]{2}"
                   r"|[0-9]{1,2}/[0-9]{1,2}/([0-9]{2}|[0-9]{4})")  # fmt: skip
@@ -60,7 +61,7 @@ class Content:
     def counts(self) -> bool:
         """Whether it numbers the rows: whole numbers, each one more than the previous."""
         filled = [cell for cell in self.cells if cell]
-        if len(filled) < _FEW or not all(map(str.isdecimal, filled)):
+        if len(filled) < _FEW or not all(map(is_count, filled)):
             return False
         return all(int(b) - int(a) == 1 for a, b in itertools.pairwise(filled))
 
@@ -74,6 +75,11 @@ class Content:
     def whole(self) -> bool:
         """Whether all cells consist of digits only: a row number, or a name."""
         return all(cell.isascii() and cell.isdigit() for cell in self.cells)
+
+
+def is_count(cell: str) -> bool:
+    """Whether it is a whole number that can count: Python converts none of thousands of digits."""
+    return _WHOLE.fullmatch(cell) is not None
 
 
 def contents(sheet: Sheet) -> tuple[Content, ...]:

@@ -15,6 +15,7 @@ from unicodedata import combining, normalize
 
 from pipeline.dialects._cells import IN_BRACKETS, from_above, is_number
 from pipeline.dialects._titles import titled, triples
+from pipeline.intake._contents import is_count
 from pipeline.readers.logs import SI, pose_and_repeat
 
 SampledCells = Callable[[], Mapping[str, Sequence[str]]]
@@ -181,7 +182,7 @@ def _without_records(
 
 def _counts_on_slowly(own: Sequence[str]) -> bool:
     """Whether numbers are those of records, whole and rising by few: `lectura n` is no force."""
-    numbers = [int(one) for one in own if one.isdecimal()]
+    numbers = [int(one) for one in own if is_count(one)]
     steps = [b - a for a, b in itertools.pairwise(numbers)]
     return len(numbers) == len(own) > _FEW and all(0 < one <= _FEW for one in steps)
 
@@ -336,7 +337,7 @@ def _of_pulls(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[st
     for title in titles:
         unit, own = force_unit(title, units), stated_unit(title, units)
         parts = _WORDS.findall(title.lower())[: -1 if len(own) == 1 else None]
-        numbers = [*filter(str.isdecimal, parts)]
+        numbers = [*filter(is_count, parts)]
         stem = _stem([part for part in parts if part not in numbers])
         if len(numbers) == 1 and (unit or stem in words):
             name = f"force_{int(numbers[0])}"
@@ -364,7 +365,7 @@ def anchors(columns: Mapping[str, Collection[str]]) -> dict[str, str]:
         title: numbers
         for title, own in columns.items()
         for words in [_words(title)]
-        for numbers in [[*filter(str.isdecimal, words)]]
+        for numbers in [[*filter(is_count, words)]]
         if not all(map(str.isdecimal, own)) or not _known().called["anchor"].isdisjoint(words)
     }
     several = {title: f"anchor_{int(own[0])}" for title, own in left.items() if len(own) == 1}

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import hmac
 import os
+import re
 import secrets
 import socket
 import sys
@@ -627,7 +628,7 @@ async def _correct(state: _State, request: Request) -> Response:
     name, other = named(request.path_params["file"]), request.query_params.get("beside", "")
     data = await _body(request, 8 * 2**20)
     first = request.query_params.get("first", "")
-    size = int(first) if first.isdecimal() else len(data)
+    size = int(first) if re.fullmatch("[0-9]{1,9}", first) else len(data)
     data, rest = data[:size], data[size:]
     options = _options(request)
     with tempfile.TemporaryDirectory() as folder:

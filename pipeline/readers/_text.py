@@ -76,8 +76,8 @@ class Text(Locked):
             yield number, self.line(number)
 
     def first(self) -> tuple[int, str]:
-        """Number and content of the first line that is not blank."""
-        return next((number, line) for number, line in self.lines() if line.strip())
+        """Number and content of the first line that is not blank, of line 1 if all are."""
+        return next((one for one in self.lines() if one[1].strip()), (1, self.line(1)))
 
     def sample(self) -> list[str]:
         """The leading lines from which its dialect and header are recognised."""

@@ -120,7 +120,7 @@ def _named(shots: RawReadings, name: str) -> Bools:
     for cut in [k for k, letter in enumerate(name) if letter == "/"]:
         out |= (group == name[:cut]) & (target == name[cut + 1 :])
     file, _, line = name.rpartition(":")
-    if line.isdigit() and file in shots.files:
+    if line.isdecimal() and file in shots.files:
         out |= (shots.file == shots.files.index(file)) & (shots.line == int(line))
     return np.asarray(out)
 

@@ -265,8 +265,8 @@ def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
         if ours and not re.search("Prefect|Failed to reach API", str(problem)):
             raise
         raise CannotWrite(
-            f"Prefect's server does not keep this run ({problem}); see that its disk has room, or "
-            "use --engine local."
+            f"Prefect's server does not keep this run ({problem}); see that the machine is not "
+            "overloaded and its disk has room, and run it again, or use --engine local."
         ) from problem
     return answer
 

@@ -36,6 +36,7 @@ def test_most_cells_determine_the_kind_of_a_column(cells, kind):
         (("7", "9", "10"), False),
         (("1", "2"), False),
         (("1", "2", "x"), False),
+        (("1" * 5000, "1" * 4999 + "2", "1" * 4999 + "3"), False),
     ],
 )
 def test_a_column_that_numbers_the_rows(cells, counts):

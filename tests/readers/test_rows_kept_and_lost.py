@@ -406,6 +406,7 @@ def test_lines_are_numbered_from_one_without_their_ends() -> None:
         assert len(found) == 4
         assert not found.ended()
     assert text("a", b"a\n").ended()
+    assert text("a", b"\x1c\n\x1d").first() == (1, "\x1c")
     assert text("a", b"x\n" * 61).sample() == ["x"] * 60
 
 

@@ -100,6 +100,13 @@ def test_what_only_the_logs_have_is_set_aside(name):
     assert (got.aside[-1].name, got.aside[-1].readings) == (name, 0)
 
 
+@pytest.mark.parametrize("line", ["²", "999999999"])
+def test_a_row_has_a_number(line):
+    """A superscript is no number, although it is a digit; others name rows that nothing has."""
+    with pytest.raises(InputError, match="no group, target, pose or row"):
+        campaign(f"tracker.csv:{line}")
+
+
 def test_a_name_that_nothing_has_is_an_error_with_its_line():
     with pytest.raises(InputError) as caught:
         campaign("pose01_rep3_loaded")
