@@ -124,9 +124,7 @@ def _finding(
     group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
-    if case.settings.anchors:  # all chains of a log are of one length
-        near, ends = (placed.loc[placed["target"] == one, XYZ].to_numpy(float)[0] for one in chain)
-        there = near + (there - near) * np.linalg.norm(ends - near) / np.linalg.norm(there - near)
+    pull = int(row["pose"].iloc[0]), int(row["repeat"].iloc[0])
     mm = [1e3 * float(np.sqrt(square)) for square in (before, after)]
     return Mistake(
         name="label_swap",
@@ -137,7 +135,9 @@ def _finding(
         correction=f"recomputed with {chain[1]} of {group} at that anchor",
         before=mm[0],
         after=mm[1],
-        correct=partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
+        correct=partial(_towards_there, pull=pull, there=there)
+        if pull in case.anchors
+        else partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
         at=at,
     )
 
@@ -147,6 +147,11 @@ def _anchored(case: Case, group: str, at: tuple[float, float, float]) -> Case:
     rows, end = case.readings.copy(), case.settings.naming.chain[1]
     rows.loc[(rows["group"] == group) & (rows["target"] == end), XYZ] = at
     return replace(case, readings=rows)
+
+
+def _towards_there(case: Case, pull: tuple[int, int], there: Array) -> Case:
+    """The campaign with the anchor of a pull elsewhere in F_b [m], to where its chain goes."""
+    return replace(case, anchors={**case.anchors, pull: there})
 
 
 FAULT = Fault("label_swap", wrong_anchors, in_files=True)
