@@ -33,7 +33,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import odds
 from pipeline.system.blocks import Blocks
-from pipeline.system.contrasts import Stack, Zeros, stacked
+from pipeline.system.contrasts import Stack, Zeros, in_each, stacked, ways
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import ActiveSuspects, Suspects, active_suspects, cost, sizes
 from pipeline.system.system import Estimate, System
@@ -105,18 +105,19 @@ class Shifted(Locked):
         return self.white.base(B if more is None else np.hstack([B, more]), self.stack.c)
 
     def poses_free(self, data: Measured) -> Base:
-        """Base with six rigid motions of each pose in proportion to the pull."""
+        """Base with six rigid motions in proportion to the pull, for each way of each pose."""
         size = np.linalg.norm(data.pulls.force, axis=1)
-        share = np.where(self.stack.pull < 0, 0.0, size[self.stack.pull] / size.max())
-        return self.white.own_base(self.stack.modes * share[:, None], self.stack.c)
+        share = np.append(size / size.max(), 0.0)[self.stack.pull]
+        number = np.append(ways(data.pulls), 0)[self.stack.pull]
+        columns = in_each(self.stack.modes * share[:, None], number)
+        return self.white.own_base(columns, self.stack.c)
 
     def pulls_free(self) -> Base:
         """Base with any rigid motion of the effector in each pull."""
         pulls = Blocks.of(self.stack.pose * (self.stack.pull.max() + 2) + self.stack.pull)
         order = Blocks.of(self.stack.pose[np.unique(pulls.index, return_index=True)[1]]).place
-        one = np.eye(order.max() + 1)[order[pulls.index]] * (self.stack.pull >= 0)[:, None]
-        columns = (one[:, :, None] * self.stack.modes[:, None, :]).reshape(len(one), -1)
-        return self.white.own_base(columns, self.stack.c)
+        moves = self.stack.modes * (self.stack.pull >= 0)[:, None]
+        return self.white.own_base(in_each(moves, order[pulls.index]), self.stack.c)
 
     def told(
         self, held: ActiveSuspects, suspects: Suspects, free: tuple[Base, Base], seen: bool

@@ -22,6 +22,7 @@ from pipeline.machine.cell import Cell, load, seated_elsewhere
 from pipeline.machine.effect import Effect, Elastic, same_element
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
+from pipeline.system.contrasts import in_each, ways
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, linearise, owners
@@ -111,9 +112,10 @@ class Whitened(Locked):
 
     @cached_property
     def free(self) -> Base:
-        """Six rigid motions of each pose proportional to the force: a free stiffness of each."""
-        size = np.linalg.norm(self.seen.data.pulls.force, axis=1)[self.rows.pull, None]
-        return self.white.own_base(self.seen.motions * size, self.seen.y)
+        """A free stiffness of each pose: six rigid motions as the force for each way of it."""
+        pulls, at = self.seen.data.pulls, self.rows.pull
+        moves = self.seen.motions * np.linalg.norm(pulls.force, axis=1)[at, None]
+        return self.white.own_base(in_each(moves, ways(pulls)[at]), self.seen.y)
 
     @property
     def poses(self) -> int:
@@ -412,10 +414,7 @@ def _rigid(seen: Linearised, white: Whitener) -> _Rigid:
     proportional to the load (a loose nest or a soft effector), in which case they are excluded from
     the scatter.
     """
-    place = _place_in_pose(seen.rows)
-    wide = np.zeros((len(place), 6 * (place.max() + 1)))
-    wide[np.arange(len(place))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
-    pulls = white.own_base(wide, seen.y)
+    pulls = white.own_base(in_each(seen.motions, _place_in_pose(seen.rows)), seen.y)
     if pulls.dof < _FEWEST:
         return _Rigid()
     loose = pulls.beside_all(white.by_pose(_loose(seen)))
