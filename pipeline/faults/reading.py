@@ -33,7 +33,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import odds
 from pipeline.system.blocks import Blocks
-from pipeline.system.contrasts import Stack, Zeros, in_each, stacked, ways
+from pipeline.system.contrasts import Stack, Zeros, own_columns, stacked, ways
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import ActiveSuspects, Suspects, active_suspects, cost, sizes
 from pipeline.system.system import Estimate, System
@@ -107,17 +107,17 @@ class Shifted(Locked):
     def poses_free(self, data: Measured) -> Base:
         """Base with six rigid motions in proportion to the pull, for each way of each pose."""
         size = np.linalg.norm(data.pulls.force, axis=1)
-        share = np.append(size / size.max(), 0.0)[self.stack.pull]
-        number = np.append(ways(data.pulls), 0)[self.stack.pull]
-        columns = in_each(self.stack.modes * share[:, None], number)
-        return self.white.own_base(columns, self.stack.c)
+        return self._free(ways(data.pulls), size / size.max())
 
-    def pulls_free(self) -> Base:
+    def pulls_free(self, data: Measured) -> Base:
         """Base with any rigid motion of the effector in each pull."""
-        pulls = Blocks.of(self.stack.pose * (self.stack.pull.max() + 2) + self.stack.pull)
-        order = Blocks.of(self.stack.pose[np.unique(pulls.index, return_index=True)[1]]).place
-        moves = self.stack.modes * (self.stack.pull >= 0)[:, None]
-        return self.white.own_base(in_each(moves, order[pulls.index]), self.stack.c)
+        return self._free(Blocks.of(data.pulls.pose).place, np.ones(len(data.pulls.pose)))
+
+    def _free(self, number: Ints, share: Array) -> Base:
+        """Base with a share of six rigid motions for the pulls of each number in each pose."""
+        number, share = (np.append(one, 0)[self.stack.pull] for one in (number, share))
+        columns = own_columns(self.stack.modes * share[:, None], number)
+        return self.white.own_base(columns, self.stack.c)
 
     def told(
         self, held: ActiveSuspects, suspects: Suspects, free: tuple[Base, Base], seen: bool
@@ -223,7 +223,7 @@ def outliers(asked: Screening) -> list[Mistake]:
     case, reduced, system = asked.case, asked.reduced, asked.system
     shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)
     suspects = Suspects(shifted.D, shifted.blocks)
-    free = shifted.poses_free(reduced.data), shifted.pulls_free()
+    free = shifted.poses_free(reduced.data), shifted.pulls_free(reduced.data)
     least = 1.0 if system.noise_stated else _NOTHING
     held = shifted.held(shifted.springs(system), suspects, least)
     fits = _fits(held, suspects.beside(free[1], held.which)[0], least)

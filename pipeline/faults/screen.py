@@ -174,14 +174,9 @@ def singles_of(
 def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
     """The mistakes and the campaign without them, or unchanged if too little would be left."""
     right = _corrected_case(case, found)
-    if not found or _has_redundancy(right):
+    if not found or bring(right).data.enough(right.robot.n):
         return found, right
     return [one.lost for one in found], case
-
-
-def _has_redundancy(case: Case) -> bool:
-    """Whether a campaign has enough displacements to determine anything about its robot."""
-    return bring(case).data.enough(case.robot.n)
 
 
 def _corrected_case(case: Case, findings: Sequence[Mistake]) -> Case:

@@ -223,15 +223,15 @@ def ways(pulls: Pulls) -> Ints:
     two anchors move the effector differently.
     """
     unit = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
-    alike = _loaded_alike(pulls, np.arange(len(unit)))
-    leader, number = np.unique(_like(alike, unit, _ONE_WAY), return_inverse=True)
+    like = _like(_loaded_alike(pulls), unit, _ONE_WAY)
+    leader, number = np.unique(like, return_inverse=True)
     return Blocks.of(pulls.pose[leader]).place[number.ravel()]
 
 
-def in_each(motions: Array, number: Ints) -> Array:
-    """Motions (M, 6) in columns of their own for the rows of each number, shape (M, 6 n)."""
+def own_columns(columns: Array, number: Ints) -> Array:
+    """Columns (M, k) of their own for the rows of each number, shape (M, k n)."""
     own = np.eye(int(number.max(initial=0)) + 1)[number]
-    return np.asarray((own[:, :, None] * motions[:, None, :]).reshape(len(number), -1))
+    return np.asarray((own[:, :, None] * columns[:, None, :]).reshape(len(number), -1))
 
 
 def _turning(data: Measured) -> Array:
@@ -288,7 +288,7 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     pulls = data.pulls
     order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
     pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
-    like = _like(_loaded_alike(pulls, order), force, _SAME_DIRECTION)
+    like = _like(_loaded_alike(pulls)[order], force, _SAME_DIRECTION)
     before = np.where(branch[:, None] == 0, _before(pose, like), -1)
     key = np.column_stack([like, branch.astype(np.int64), before])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -298,12 +298,9 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     return group, to_first
 
 
-def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
+def _loaded_alike(pulls: Pulls) -> Ints:
     """Number shared by pulls of one pose with one kind of load at one point, shape (m,)."""
-    pose, by, at = pulls.pose[order], pulls.by[order], pulls.acts_at[order]
-    if (by == by[:1]).all() and not np.isfinite(at).any():
-        return pose
-    key = np.column_stack([pose, by, np.nan_to_num(at)])
+    key = np.column_stack([pulls.pose, pulls.by, np.nan_to_num(pulls.acts_at)])
     return np.asarray(np.unique(key, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
 

@@ -11,7 +11,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system.blocks import Blocks
-from pipeline.system.contrasts import in_each, ways
+from pipeline.system.contrasts import own_columns, ways
 from pipeline.system.linearised import Linearised
 from pipeline.system.score_tests import Base
 from pipeline.system.system import Errors, System
@@ -36,13 +36,8 @@ class RowsByPose(Locked):
     y: Array
 
     @classmethod
-    def of(cls, seen: Linearised, columns: Array, errors: Errors) -> RowsByPose:
-        """The rows of a campaign with fixed columns (M, k) and these errors."""
-        return cls.beside(seen, linear.orthonormal(columns), errors)
-
-    @classmethod
     def beside(cls, seen: Linearised, Q: Array, errors: Errors) -> RowsByPose:
-        """The same with orthonormal fixed columns (M, k): they stay independent when whitened."""
+        """The rows with orthonormal fixed columns (M, k): they stay independent when whitened."""
         white = whitener(errors, seen.rows.pose)
         fixed = linear.independent(white.by_pose(Q))
         prior = np.repeat([0.0, 1.0], [fixed.shape[1], white.common.shape[1]])
@@ -91,7 +86,9 @@ def free(seen: Linearised) -> Array:
     pulls, at = seen.data.pulls, seen.rows.pull
     size = np.linalg.norm(pulls.force, axis=1)[at, None]
     both = np.column_stack([pulls.pose, ways(pulls)])
-    return in_each(seen.motions * size, np.unique(both, axis=0, return_inverse=True)[1].ravel()[at])
+    return own_columns(
+        seen.motions * size, np.unique(both, axis=0, return_inverse=True)[1].ravel()[at]
+    )
 
 
 @dataclass(frozen=True, eq=False)
