@@ -8,7 +8,7 @@ with n_k their nominal places and p the load point in the flange frame, y_k the 
 anchor a is at its place in F_b, seen through the base reflectors of the last round before; one
 without a stated place is where it was read. The ends of the chain are then h and h + L (a - h) /
 |a - h|, with L the median of |a - h| over all pulls: its direction is all that matters, and chains
-to different anchors are not of one length.
+to different anchors are not of one length. Once a mistake is corrected they are computed again.
 """
 
 from __future__ import annotations
