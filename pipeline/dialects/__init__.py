@@ -8,8 +8,8 @@ are left out; and point lists and recordings of the robot's controller, as a tab
 Without this folder a file can be read only if its columns are ours and all of its rows are whole,
 and a chain only if its ends have reflectors.
 
-Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`, `anchored.with_ends`; for
-logs `_log_form.opened`, `_log_rows.typed`, `of_controller`, `joined`.
+Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`, `anchored.with_ends` and
+`again`; for logs `_log_form.opened`, `_log_rows.typed`, `of_controller`, `joined`.
 Tests: `tests/dialects/`.
 """
 

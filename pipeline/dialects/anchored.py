@@ -8,25 +8,33 @@ with n_k their nominal places and p the load point in the flange frame, y_k the 
 anchor a is at its place in F_b, seen through the base reflectors of the last round before; one
 without a stated place is where it was read. The ends of the chain are then h and h + L (a - h) /
 |a - h|, with L the median of |a - h| over all pulls: its direction is all that matters, and chains
-to different anchors are not of one length.
+to different anchors are not of one length. Once a mistake is corrected they are computed again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 
 if TYPE_CHECKING:
     from pipeline.readers.logs import Log
+
+_Pull = tuple[int, int]
+"""Pose and repeat."""
+
+_Round = tuple[float, Array, Array]
+
+_XYZ = ["x_m", "y_m", "z_m"]
 
 _LEAST = 3
 """Minimum number of reflectors that place a body [1]."""
@@ -34,7 +42,59 @@ _SIGMA_M = 3e-5
 """Standard uncertainty of an end where neither tool nor load point states one [m]."""
 
 
-def with_ends(shots: Any, loads: Log, settings: Any) -> Any:
+@dataclass(frozen=True, eq=False)
+class _Shots(Locked):
+    """Readings as arrays, the chains' ends not among them.
+
+    Attributes:
+        names: Target of each, shape (n,).
+        position: [m], shape (n, 3).
+        order: In the course of the campaign, shape (n,).
+        group: Number of its group, shape (n,).
+        slot: Index into `state`, -1 for base readings, shape (n,).
+        state: Pose, repeat and whether it is loaded of each slot, shape (s, 3).
+    """
+
+    names: Any
+    position: Array
+    order: Any
+    group: Ints
+    slot: Ints
+    state: Ints
+
+    @classmethod
+    def of(cls, shots: Any) -> _Shots:
+        """Those of a `RawReadings`."""
+        names = np.array(shots.target.dictionary.to_pylist() or [""], object)
+        rows = np.arange(len(shots.line))
+        return cls(
+            names[np.asarray(shots.target.indices)],
+            shots.position,
+            rows if shots.time.null_count else shots.time.cast(pa.int64()).to_numpy(),
+            np.asarray(shots.group.indices),
+            shots.slot,
+            np.column_stack([shots.pose, shots.repeat, shots.loaded]).astype(int),
+        )
+
+    @classmethod
+    def of_case(cls, case: Any) -> _Shots:
+        """Those of a `Case`."""
+        rows = case.readings[~case.readings["target"].isin(case.settings.naming.chain)]
+        state = rows[["pose", "repeat"]].assign(loaded=rows["state"] == "loaded")
+        slot = state.groupby([*state], observed=True).ngroup().fillna(-1).to_numpy(int)
+        known, first = np.unique(slot[slot >= 0], return_index=True)
+        timed = rows["time"].notna().all()
+        return cls(
+            rows["target"].astype(str).to_numpy(object),
+            rows[_XYZ].to_numpy(float),
+            rows["time"].astype("int64").to_numpy() if timed else np.arange(len(rows)),
+            pd.factorize(rows["group"])[0],
+            slot,
+            state[slot >= 0].iloc[first].astype(int).to_numpy().reshape(len(known), 3),
+        )
+
+
+def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, Array]]:
     """Readings with both ends of each chain whose row in the log names an anchor.
 
     Readings of the anchors themselves are dropped.
@@ -44,60 +104,84 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> Any:
         loads: Log of the loads, with the column `anchor`.
         settings: campaign.toml.
 
+    Returns:
+        The readings, and the anchor of each such pull in F_b [m].
+
     Raises:
         InputError: An anchor has neither a place nor a reading.
     """
-    names = _names(shots.target)
-    order = (
-        np.arange(len(names)) if shots.time.null_count else shots.time.cast(pa.int64()).to_numpy()
-    )
-    rounds = _rounds(shots, names, order, settings.base_frame)
-    at = _anchors(shots, names, order, rounds, loads, settings.anchors)
-    found = []
-    for slot, row in _hooked(shots, loads):
-        here = np.flatnonzero(shots.slot == slot)
-        if (near := _load_point(shots, names, here, settings)) is not None:
-            R, t = _last(rounds, order[here].min())
-            found.append((slot, row, here[-1], near, R @ at[loads.word["anchor"][row]] + t))
-    length = float(np.median([float(np.linalg.norm(far - near)) for *_, near, far in found] or 1.0))
-    ends = [
-        (slot, row, last, near + k * length * (far - near) / np.linalg.norm(far - near), k)
-        for slot, row, last, near, far in found
-        for k in (0, 1)
-    ]
-    return _added(shots, ~np.isin(names, [*at]), ends, loads, settings) if ends else shots
-
-
-def _hooked(shots: Any, loads: Log) -> Iterator[tuple[int, int]]:
-    """Each loaded slot whose row in the log names an anchor, and the row."""
+    seen = _Shots.of(shots)
+    rounds = _rounds(seen, settings.base_frame)
+    at = _anchors(seen, rounds, loads, settings.anchors)
     keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
     rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
-    for slot in np.flatnonzero(shots.loaded).tolist():
-        row = rows.get((int(shots.pose[slot]), int(shots.repeat[slot])))
-        if row is not None and loads.word["anchor"][row]:
-            yield slot, row
+    words = {key: loads.word["anchor"][row] for key, row in rows.items()}
+    anchors = {key: at[name] for key, name in words.items() if name}
+    ends = [
+        (slot, rows[key], last, end, k)
+        for key, slot, last, both in _ends(seen, rounds, anchors, settings)
+        for k, end in enumerate(both)
+    ]
+    kept = ~np.isin(seen.names, [*at])
+    return (_added(shots, kept, ends, loads, settings) if ends else shots), anchors
 
 
-def _load_point(shots: Any, names: Any, here: Any, settings: Any) -> Array | None:
+def again(case: Any) -> Any:
+    """A `Case` with the ends of its chains where its readings, as they are now, put them."""
+    shots, chain = _Shots.of_case(case), case.settings.naming.chain
+    rounds = _rounds(shots, case.settings.base_frame)
+    found = {key: both for key, *_, both in _ends(shots, rounds, case.anchors, case.settings)}
+    rows = case.readings[case.readings["state"] == "loaded"]
+    keys = zip(rows["pose"].astype(int), rows["repeat"].astype(int), strict=True)
+    at = [found[key][chain.index(name)] if name in chain and key in found else own
+          for key, name, own in zip(keys, rows["target"], rows[_XYZ].to_numpy(float), strict=True)
+          ]  # fmt: skip
+    readings = case.readings.copy()
+    readings.loc[rows.index, _XYZ] = np.reshape(at, (-1, 3))
+    return replace(case, readings=readings)
+
+
+def _ends(
+    shots: _Shots, rounds: list[_Round], anchors: Mapping[_Pull, Array], settings: Any
+) -> list[tuple[_Pull, int, int, tuple[Array, Array]]]:
+    """Pull, slot, last reading and both ends of its chain [m], of all with an anchor."""
+    found = []
+    for slot, (pose, repeat, loaded) in enumerate(shots.state.tolist()):
+        here = np.flatnonzero(shots.slot == slot)
+        if not loaded or not len(here) or (pose, repeat) not in anchors:
+            continue
+        if (near := _load_point(shots, here, settings)) is not None:
+            R, t = _last(rounds, shots.order[here].min())
+            far = R @ anchors[pose, repeat] + t
+            found.append(((pose, repeat), slot, int(here[-1]), near, far))
+    length = float(np.median([float(np.linalg.norm(far - near)) for *_, near, far in found] or 1.0))
+    return [
+        (key, slot, last, (near, near + length * (far - near) / np.linalg.norm(far - near)))
+        for key, slot, last, near, far in found
+    ]
+
+
+def _load_point(shots: _Shots, here: Ints, settings: Any) -> Array | None:
     """The load point by the effector's reflectors among some readings; None if these are few.
 
     Where names of reflectors are exchanged, it is where it is with their own: the exchange is found
     later, and corrects names alone.
     """
-    seen = [k for k in here.tolist() if names[k] in settings.measured]
-    if len({names[k] for k in seen}) < _LEAST:
+    seen = [k for k in here.tolist() if shots.names[k] in settings.measured]
+    at, given = shots.position[seen], shots.names[seen].tolist()
+    if len({*given}) < _LEAST:
         return None
-    at, given = shots.position[seen], names[seen].tolist()
     nominal = [np.array([settings.tool[one] for one in each])
-               for each in (given, _by_place(shots, names, here, at, given))]  # fmt: skip
+               for each in (given, _by_place(shots, here, at, given))]  # fmt: skip
     (R, t), _ = min((_placed(each, at) for each in nominal), key=lambda one: one[1])
     return np.asarray(R @ np.array(settings.tool["load_point"]) + t)
 
 
-def _by_place(shots: Any, names: Any, here: Any, at: Array, given: list[str]) -> list[str]:
+def _by_place(shots: _Shots, here: Ints, at: Array, given: list[str]) -> list[str]:
     """Names of readings by the other states of their pose, where those have others close by."""
-    pose = shots.pose[np.maximum(shots.slot, 0)] == shots.pose[shots.slot[here[0]]]
-    rest = pose & (shots.slot >= 0) & (shots.slot != shots.slot[here[0]])
+    names, own = shots.names, shots.slot[here[0]]
+    pose = shots.state[np.maximum(shots.slot, 0), 0] == shots.state[own, 0]
+    rest = pose & (shots.slot >= 0) & (shots.slot != own)
     known = [one for one in dict.fromkeys(given) if (rest & (names == one)).any()]
     if not known:
         return given
@@ -114,36 +198,25 @@ def _placed(nominal: Array, at: Array) -> tuple[tuple[Array, Array], float]:
     return (R, t), float(np.linalg.norm(at - nominal @ R.T - t, axis=1).max())
 
 
-def _names(column: pa.DictionaryArray) -> Any:
-    return np.array(column.dictionary.to_pylist() or [""], object)[np.asarray(column.indices)]
-
-
-def _rounds(
-    shots: Any, names: Any, order: Any, base: Mapping[str, Any]
-) -> list[tuple[float, Array, Array]]:
+def _rounds(shots: _Shots, base: Mapping[str, Any]) -> list[_Round]:
     """When each round of base reflectors began, and R, t from F_b to the instrument's frame."""
-    group, found = np.asarray(shots.group.indices), []
-    fixed = np.isin(names, [*base])
-    for one in dict.fromkeys(group[fixed].tolist()):
-        rows = np.flatnonzero(fixed & (group == one))
-        nominal = np.array([base[names[k]] for k in rows])
-        if len({*names[rows]}) >= _LEAST:
-            found.append((float(order[rows].min()), *linear.rigid(nominal, shots.position[rows])))
+    found, fixed = [], np.isin(shots.names, [*base])
+    for one in dict.fromkeys(shots.group[fixed].tolist()):
+        rows = np.flatnonzero(fixed & (shots.group == one))
+        nominal = np.array([base[name] for name in shots.names[rows]])
+        if len({*shots.names[rows]}) >= _LEAST:
+            began = float(shots.order[rows].min())
+            found.append((began, *linear.rigid(nominal, shots.position[rows])))
     return sorted(found, key=lambda one: one[0]) or [(0.0, np.eye(3), np.zeros(3))]
 
 
-def _last(rounds: list[tuple[float, Array, Array]], moment: float) -> tuple[Array, Array]:
+def _last(rounds: list[_Round], moment: float) -> tuple[Array, Array]:
     """That of the last round before a moment, else of the first."""
     return next((one[1:] for one in reversed(rounds) if one[0] <= moment), rounds[0][1:])
 
 
 def _anchors(
-    shots: Any,
-    names: Any,
-    order: Any,
-    rounds: list[tuple[float, Array, Array]],
-    loads: Log,
-    stated: Mapping[str, Any],
+    shots: _Shots, rounds: list[_Round], loads: Log, stated: Mapping[str, Any]
 ) -> dict[str, Array]:
     """Places of the anchors in F_b [m].
 
@@ -154,7 +227,7 @@ def _anchors(
     for row, name in enumerate(loads.word["anchor"].tolist()):
         if not name or name in found:
             continue
-        read = np.flatnonzero(names == name).tolist()
+        read = np.flatnonzero(shots.names == name).tolist()
         if name not in stated and not read:
             raise InputError(
                 f'the anchor "{name}" has no place',
@@ -163,7 +236,7 @@ def _anchors(
                 file=loads.file,
                 line=int(loads.line[row]),
             )
-        seen = [(_last(rounds, order[k]), shots.position[k]) for k in read]
+        seen = [(_last(rounds, shots.order[k]), shots.position[k]) for k in read]
         places = [R.T @ (y - t) for (R, t), y in seen]
         found[name] = np.array(stated[name]) if name in stated else np.mean(places, axis=0)
     return found

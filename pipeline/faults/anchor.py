@@ -37,11 +37,11 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
 
     A reading of the scale does not explain them as well.
     """
-    stated = asked.case.settings.anchors
-    known = bool(stated) or anchors(asked.case)["anchor"].any()
+    stated = np.array([*asked.case.settings.anchors.values()] if asked.case.anchors else [])
+    known = len(stated) > 0 or anchors(asked.case)["anchor"].any()
     if not known or (moved := PullMoves.of(asked)) is None:
         return []
-    near, place, at = _ends(asked, moved)
+    near, place, at = _ends(asked, moved, stated)
     x = moved.solved(moved.force)
     along = moved.G @ x
     given, scaled = (_left(moved.y, f, along) for f in (moved.force, moved.due(x)[0]))
@@ -56,7 +56,7 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
         fits = left[best] <= CLEARLY_NEARER**2 * usual[i]
         if fits and CLEARLY_NEARER**2 * left[best] < left[second] and best < len(others):
             there = int(others[best])
-            says = _stated(asked, int(place[i]), there) if stated else _read(asked.case, there)
+            says = _stated(asked, int(place[i]), there) if len(stated) else _read(asked.case, there)
             found += [_finding(asked, moved, i, says, at[there], given[i], left[best])]
     return found
 
@@ -66,7 +66,7 @@ def _left(y: Array, force: Array, each: Array) -> Array:
     return np.asarray(np.mean((y - force[:, None] * each) ** 2, axis=-1))
 
 
-def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
+def _ends(asked: Screening, moved: PullMoves, stated: Array) -> tuple[Array, Ints, Array]:
     """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors."""
     rows = asked.reduced.placed
     rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
@@ -75,23 +75,16 @@ def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
     of_pulls = rows.set_index(["target", "pose", "repeat"]).sort_index()
     begins, ends = (of_pulls.loc[name].reindex(key) for name in chain)
     near, far = (one[XYZ].to_numpy(float) for one in (begins, ends))
-    if stated := asked.case.settings.anchors:
-        at = np.array([*stated.values()])
-        return near, _towards(near, far, at), at
+    if len(stated):
+        own = np.array([asked.case.anchors.get(one, np.full(3, np.nan)) for one in key])
+        off = np.linalg.norm(stated - own[:, None], axis=2)
+        place = np.where(off.min(axis=1) < GROSS_DISTANCE_M, off.argmin(axis=1), -1)
+        return near, place, stated
     read = anchors(asked.case)
     where = read["place"].where(read["anchor"], -1).reindex(ends["group"]).fillna(-1)
     known, place = np.unique(where[where >= 0]), where.to_numpy(int)
     at = np.array([np.median(far[place == one], axis=0) for one in known])
     return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
-
-
-def _towards(near: Array, far: Array, at: Array) -> Ints:
-    """The anchor on the straight line of each chain, -1 for none, shape (m,)."""
-    u = (far - near) / np.linalg.norm(far - near, axis=1, keepdims=True)
-    to = at - near[:, None]
-    off = np.linalg.norm(to - np.sum(to * u[:, None], axis=2)[..., None] * u[:, None], axis=2)
-    off = np.where(np.sum(to * u[:, None], axis=2) > 0, off, np.inf)
-    return np.where(off.min(axis=1) < GROSS_DISTANCE_M, off.argmin(axis=1), -1)
 
 
 def _stated(asked: Screening, own: int, there: int) -> str:
@@ -124,9 +117,7 @@ def _finding(
     group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
-    if case.settings.anchors:  # all chains of a log are of one length
-        near, ends = (placed.loc[placed["target"] == one, XYZ].to_numpy(float)[0] for one in chain)
-        there = near + (there - near) * np.linalg.norm(ends - near) / np.linalg.norm(there - near)
+    pull = int(row["pose"].iloc[0]), int(row["repeat"].iloc[0])
     mm = [1e3 * float(np.sqrt(square)) for square in (before, after)]
     return Mistake(
         name="label_swap",
@@ -137,7 +128,9 @@ def _finding(
         correction=f"recomputed with {chain[1]} of {group} at that anchor",
         before=mm[0],
         after=mm[1],
-        correct=partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
+        correct=(lambda of: replace(of, anchors={**of.anchors, pull: there}))
+        if pull in case.anchors
+        else partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
         at=at,
     )
 

@@ -247,11 +247,14 @@ def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
     """Rows of the joint log under their true pose numbers; `lost` is a pose without a row."""
     joints = case.joints[case.joints["pose"].map(lambda k: k in true or k not in true.values())]
     joints = joints.assign(pose=joints["pose"].map(lambda k: true.get(k, k)).astype("int32"))
-    rows, loads = case.readings, case.loads
+    rows, loads, torques = case.readings, case.loads, case.torques
+    if torques is not None:  # of the same rows
+        torques = torques.assign(pose=torques["pose"].map(lambda k: true.get(k, k)))
     if lost is not None:
         joints = joints[joints["pose"] != lost]
         rows, loads = rows[rows["pose"].ne(lost).fillna(True)], loads[loads["pose"] != lost]
-    return replace(case, joints=joints.sort_values("pose"), readings=rows, loads=loads)
+    joints = joints.sort_values("pose")
+    return replace(case, joints=joints, readings=rows, loads=loads, torques=torques)
 
 
 # --- groups ---------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of
 from pipeline.faults.reading import Shifted, shifted_readings
 from pipeline.machine.robot import configure
 from pipeline.system import alarms, odds
+from pipeline.system.contrasts import own_columns
 from pipeline.system.score_tests import Base
 from pipeline.system.simultaneous import Suspects, active_suspects, cost
 
@@ -35,7 +36,7 @@ def loose_target(asked: Screening) -> list[Mistake]:
     targets, stack = np.unique(asked.reduced.data.target), shifted.stack
     if asked.cell.tool.six or len(targets) < 3:
         return []
-    ways, base = _ways(asked), shifted.pulls_free()
+    ways, base = _ways(asked), shifted.pulls_free(asked.reduced.data)
     rows = np.where(stack.pull[:, None] < 0, 0.0, ways[stack.pull, stack.axis])
     each = [shifted.white.by_pose(rows * (stack.target == one)[:, None]) for one in targets]
     found = [base.beside_all(one) for one in each]
@@ -74,8 +75,7 @@ def _ways(asked: Screening) -> Array:
 
 def _wider(base: Base, columns: Array, y: Array) -> Base:
     """The base, whose columns each pose has its own of, with columns common to all poses."""
-    rows, poses = base.blocks.rows(base.Q), np.eye(len(base.Q))[base.blocks.index]
-    own = (poses[:, :, None] * rows[:, None, :]).reshape(len(rows), -1)
+    own = own_columns(base.blocks.rows(base.Q), base.blocks.index)
     Q = np.hstack([own[:, own.any(axis=0)], linear.orthonormal(base.beyond(columns))])
     return Base.spanned(Q, y, base.blocks.index)
 

@@ -33,7 +33,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import odds
 from pipeline.system.blocks import Blocks
-from pipeline.system.contrasts import Stack, Zeros, stacked
+from pipeline.system.contrasts import Stack, Zeros, own_columns, stacked, ways
 from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import ActiveSuspects, Suspects, active_suspects, cost, sizes
 from pipeline.system.system import Estimate, System
@@ -105,17 +105,18 @@ class Shifted(Locked):
         return self.white.base(B if more is None else np.hstack([B, more]), self.stack.c)
 
     def poses_free(self, data: Measured) -> Base:
-        """Base with six rigid motions of each pose in proportion to the pull."""
+        """Base with six rigid motions in proportion to the pull, for each way of each pose."""
         size = np.linalg.norm(data.pulls.force, axis=1)
-        share = np.where(self.stack.pull < 0, 0.0, size[self.stack.pull] / size.max())
-        return self.white.own_base(self.stack.modes * share[:, None], self.stack.c)
+        return self._free(ways(data.pulls), size / size.max())
 
-    def pulls_free(self) -> Base:
+    def pulls_free(self, data: Measured) -> Base:
         """Base with any rigid motion of the effector in each pull."""
-        pulls = Blocks.of(self.stack.pose * (self.stack.pull.max() + 2) + self.stack.pull)
-        order = Blocks.of(self.stack.pose[np.unique(pulls.index, return_index=True)[1]]).place
-        one = np.eye(order.max() + 1)[order[pulls.index]] * (self.stack.pull >= 0)[:, None]
-        columns = (one[:, :, None] * self.stack.modes[:, None, :]).reshape(len(one), -1)
+        return self._free(Blocks.of(data.pulls.pose).place, np.ones(len(data.pulls.pose)))
+
+    def _free(self, number: Ints, share: Array) -> Base:
+        """Base with a share of six rigid motions for the pulls of each number in each pose."""
+        number, share = (np.append(one, 0)[self.stack.pull] for one in (number, share))
+        columns = own_columns(self.stack.modes * share[:, None], number)
         return self.white.own_base(columns, self.stack.c)
 
     def told(
@@ -222,7 +223,7 @@ def outliers(asked: Screening) -> list[Mistake]:
     case, reduced, system = asked.case, asked.reduced, asked.system
     shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)
     suspects = Suspects(shifted.D, shifted.blocks)
-    free = shifted.poses_free(reduced.data), shifted.pulls_free()
+    free = shifted.poses_free(reduced.data), shifted.pulls_free(reduced.data)
     least = 1.0 if system.noise_stated else _NOTHING
     held = shifted.held(shifted.springs(system), suspects, least)
     fits = _fits(held, suspects.beside(free[1], held.which)[0], least)

@@ -8,6 +8,7 @@ from itertools import chain
 
 import numpy as np
 
+from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.faults import FAULTS
 from pipeline.faults.exchanged_pulls import misfit
@@ -21,6 +22,9 @@ from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.family import Family
 from pipeline.system.odds import DECIDES
+
+_ENDS = "pipeline.dialects.anchored:again"
+"""Door to the ends of chains without reflectors, which follow from readings, tool and log."""
 
 _MOST = 40
 """Maximum number of rounds of screening, each of which corrects one kind of mistake."""
@@ -170,21 +174,16 @@ def singles_of(
 def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
     """The mistakes and the campaign without them, or unchanged if too little would be left."""
     right = _corrected_case(case, found)
-    if not found or _has_redundancy(right):
+    if not found or bring(right).data.enough(right.robot.n):
         return found, right
     return [one.lost for one in found], case
 
 
-def _has_redundancy(case: Case) -> bool:
-    """Whether a campaign has enough displacements to determine anything about its robot."""
-    return bring(case).data.enough(case.robot.n)
-
-
 def _corrected_case(case: Case, findings: Sequence[Mistake]) -> Case:
-    """The campaign with some mistakes corrected."""
+    """The campaign with some mistakes corrected, and what follows from them."""
     for finding in findings:
         case = finding.correct(case)
-    return case
+    return doors.opened(_ENDS)(case) if findings and case.anchors else case
 
 
 def _asked(case: Case, in_files: bool) -> list[Fault]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -62,6 +63,7 @@ class FilesAsRead:
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
         aside: What campaign.toml sets aside.
+        anchors: Where the chain of a pull (pose, repeat) ends that has no reflectors, F_b [m].
     """
 
     displacements: pa.Table | None = None
@@ -74,6 +76,7 @@ class FilesAsRead:
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
     aside: tuple[NamedAside, ...] = ()
+    anchors: Mapping[tuple[int, int], Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

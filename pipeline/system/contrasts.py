@@ -21,6 +21,7 @@ from pipeline.machine.robot import configure
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
+from pipeline.system.blocks import Blocks
 from pipeline.system.system import Errors, RowIndex, System
 
 _SAME_FORCE = 0.03
@@ -31,6 +32,11 @@ turnbuckle can be set to that."""
 _SAME_DIRECTION = 0.005
 """Maximum angle between their forces [rad]: a chain hung into the same place again."""
 
+
+_ONE_WAY = 0.1
+"""Angle between two forces of a pose up to which its springs move the effector in proportion to
+their sizes [rad]: one chain turns by less while the robot yields, and an error of its square, 1 %,
+does not matter."""
 
 ZEROS = -1
 """Pull index that marks a contrast between zeros."""
@@ -210,6 +216,24 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
     )
 
 
+def ways(pulls: Pulls) -> Ints:
+    """Number of each pull's way of loading within its pose, from 0: kind, point, direction, (m,).
+
+    Whatever a robot does in proportion to the load is then one motion for each way: pulls towards
+    two anchors move the effector differently.
+    """
+    unit = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
+    like = _like(_loaded_alike(pulls), unit, _ONE_WAY)
+    leader, number = np.unique(like, return_inverse=True)
+    return Blocks.of(pulls.pose[leader]).place[number.ravel()]
+
+
+def own_columns(columns: Array, number: Ints) -> Array:
+    """Columns (M, k) of their own for the rows of each number, shape (M, k n)."""
+    own = np.eye(int(number.max(initial=0)) + 1)[number]
+    return np.asarray((own[:, :, None] * columns[:, None, :]).reshape(len(number), -1))
+
+
 def _turning(data: Measured) -> Array:
     """Mean variance of positions and of rotations, relative to that of positions, shape (2,)."""
     own = np.einsum("dii->d", data.loaded_cov)
@@ -264,7 +288,7 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     pulls = data.pulls
     order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
     pose, force, branch = pulls.pose[order], pulls.force[order], pulls.branch[order]
-    like = _like(_loaded_alike(pulls, order), force)
+    like = _like(_loaded_alike(pulls)[order], force, _SAME_DIRECTION)
     before = np.where(branch[:, None] == 0, _before(pose, like), -1)
     key = np.column_stack([like, branch.astype(np.int64), before])
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
@@ -274,17 +298,14 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
     return group, to_first
 
 
-def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
+def _loaded_alike(pulls: Pulls) -> Ints:
     """Number shared by pulls of one pose with one kind of load at one point, shape (m,)."""
-    pose, by, at = pulls.pose[order], pulls.by[order], pulls.acts_at[order]
-    if (by == by[:1]).all() and not np.isfinite(at).any():
-        return pose
-    key = np.column_stack([pose, by, np.nan_to_num(at)])
+    key = np.column_stack([pulls.pose, pulls.by, np.nan_to_num(pulls.acts_at)])
     return np.asarray(np.unique(key, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
 
-def _like(pose: Ints, force: Array) -> Ints:
-    """Index of the first pull of the same pose with a similar force, shape (m,)."""
+def _like(pose: Ints, force: Array, angle: float) -> Ints:
+    """Index of the first pull of the same pose with a force similar to this angle [rad], (m,)."""
     like = np.full(len(pose), -1, dtype=np.int64)
     while (free := np.flatnonzero(like < 0)).size:
         _, first, which = np.unique(pose[free], return_index=True, return_inverse=True)
@@ -293,7 +314,7 @@ def _like(pose: Ints, force: Array) -> Ints:
         along = np.einsum("mi,mi->m", force[free], force[leader]) / size
         across = np.sqrt(np.maximum(np.sum(force[free] ** 2, axis=1) - along**2, 0.0))
         near = np.abs(along / size - 1) <= _SAME_FORCE
-        near = (near & (across <= _SAME_DIRECTION * size)) | (free == leader)
+        near = (near & (across <= angle * size)) | (free == leader)
         like[free[near]] = leader[near]
     return like
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.system.assemble import errors
 from pipeline.system.family import FAR_OFF, Family
@@ -71,7 +72,7 @@ def far(
     data, values = replace(seen.data, bends=False), seen.model.values
     flat = replace(seen.model.cell, equilibrium="undeformed")
     X = columns(seen, np.isin(owner, seen.model.accepted))
-    beyond = RowsByPose.of(seen, X, errors(flat, data, values))
+    beyond = RowsByPose.beside(seen, linear.orthonormal(X), errors(flat, data, values))
     readings = ReadingsOfRows.of(data, beyond.white)
     distance = FAR_OFF * max(family.width, 1 / used)
     away, reached, good, others = _away(beyond.base, readings, distance)

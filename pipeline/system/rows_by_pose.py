@@ -11,6 +11,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system.blocks import Blocks
+from pipeline.system.contrasts import own_columns, ways
 from pipeline.system.linearised import Linearised
 from pipeline.system.score_tests import Base
 from pipeline.system.system import Errors, System
@@ -35,13 +36,8 @@ class RowsByPose(Locked):
     y: Array
 
     @classmethod
-    def of(cls, seen: Linearised, columns: Array, errors: Errors) -> RowsByPose:
-        """The rows of a campaign with fixed columns (M, k) and these errors."""
-        return cls.beside(seen, linear.orthonormal(columns), errors)
-
-    @classmethod
     def beside(cls, seen: Linearised, Q: Array, errors: Errors) -> RowsByPose:
-        """The same with orthonormal fixed columns (M, k): they stay independent when whitened."""
+        """The rows with orthonormal fixed columns (M, k): they stay independent when whitened."""
         white = whitener(errors, seen.rows.pose)
         fixed = linear.independent(white.by_pose(Q))
         prior = np.repeat([0.0, 1.0], [fixed.shape[1], white.common.shape[1]])
@@ -86,12 +82,13 @@ def columns(seen: Linearised, causes: Bools) -> Array:
 
 
 def free(seen: Linearised) -> Array:
-    """Six rigid motions of the effector in each pose, proportional to the pull, (M, 6 p)."""
-    size = np.linalg.norm(seen.data.pulls.force, axis=1)[seen.rows.pull, None]
-    pose = np.unique(seen.rows.pose, return_inverse=True)[1]
-    own = np.eye(int(pose.max()) + 1)[pose]
-    moves = seen.motions * size
-    return np.asarray((own[:, :, None] * moves[:, None, :]).reshape(len(pose), -1))
+    """Six rigid motions of the effector for each way of each pose, as the pull, (M, 6 n)."""
+    pulls, at = seen.data.pulls, seen.rows.pull
+    size = np.linalg.norm(pulls.force, axis=1)[at, None]
+    both = np.column_stack([pulls.pose, ways(pulls)])
+    return own_columns(
+        seen.motions * size, np.unique(both, axis=0, return_inverse=True)[1].ravel()[at]
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,8 @@ from pipeline.machine.cell import Cell, load, seated_elsewhere
 from pipeline.machine.effect import Effect, Elastic, same_element
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
+from pipeline.system.blocks import Blocks
+from pipeline.system.contrasts import own_columns, ways
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, linearise, owners
@@ -111,9 +113,10 @@ class Whitened(Locked):
 
     @cached_property
     def free(self) -> Base:
-        """Six rigid motions of each pose proportional to the force: a free stiffness of each."""
-        size = np.linalg.norm(self.seen.data.pulls.force, axis=1)[self.rows.pull, None]
-        return self.white.own_base(self.seen.motions * size, self.seen.y)
+        """A free stiffness of each pose: six rigid motions as the force for each way of it."""
+        pulls, at = self.seen.data.pulls, self.rows.pull
+        moves = self.seen.motions * np.linalg.norm(pulls.force, axis=1)[at, None]
+        return self.white.own_base(own_columns(moves, ways(pulls)[at]), self.seen.y)
 
     @property
     def poses(self) -> int:
@@ -412,17 +415,13 @@ def _rigid(seen: Linearised, white: Whitener) -> _Rigid:
     proportional to the load (a loose nest or a soft effector), in which case they are excluded from
     the scatter.
     """
-    place = _place_in_pose(seen.rows)
-    wide = np.zeros((len(place), 6 * (place.max() + 1)))
-    wide[np.arange(len(place))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
-    pulls = white.own_base(wide, seen.y)
+    place = Blocks.of(seen.data.pulls.pose).place[seen.rows.pull]
+    pulls = white.own_base(own_columns(seen.motions, place), seen.y)
     if pulls.dof < _FEWEST:
         return _Rigid()
     loose = pulls.beside_all(white.by_pose(_loose(seen)))
     left = pulls.dof - int(loose.rank)
-    if not loose.rank or left < _FEWEST:
-        return _Rigid(pulls.rest, pulls.dof)
-    p = float(loose.p())
+    p = float(loose.p()) if loose.rank and left >= _FEWEST else 1.0
     if p < alarms.LOOSE:
         return _Rigid(pulls.rest - float(loose.drop), left, p)
     return _Rigid(pulls.rest, pulls.dof, p)
@@ -434,18 +433,7 @@ def _loose(seen: Linearised) -> Array:
     axes = load(seen.model.cell, data.pulls, seen.model.values).configuration.flange_axes
     size = np.linalg.norm(data.pulls.force, axis=1)[rows.pull] / 1000.0
     along = np.concatenate([np.eye(3)[rows.axis], axes[rows.pull, rows.axis]], axis=1)
-    target = np.repeat(data.target, 3)
-    out = np.zeros((len(rows), 6 * (target.max() + 1)))
-    out[np.arange(len(rows))[:, None], 6 * target[:, None] + np.arange(6)] = along * size[:, None]
-    return out
-
-
-def _place_in_pose(rows: RowIndex) -> Ints:
-    """Number of each row's pull within its pose, from 0."""
-    _, first = np.unique(rows.pose, return_inverse=True)
-    start = np.full(first.max() + 1, np.iinfo(np.int64).max)
-    np.minimum.at(start, first, rows.pull)
-    return rows.pull - start[first]
+    return own_columns(along * size[:, None], np.repeat(data.target, 3))
 
 
 def _taken(view: Whitened) -> int:

@@ -76,18 +76,17 @@ def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall):
     ends = [placed.loc[(k + 1, "Pl2", "loaded"), XYZ].mean() for k in range(3)]
     stated = {f"H{k + 1}": tuple(end.tolist()) for k, end in enumerate(ends)}
     settings = case.settings.model_copy(update={"anchors": stated})
-    wrong = replace(case, readings=rows, settings=settings)
+    named = {(k, r): np.array(ends[own[2 * k + r - 3]]) for k in range(1, 10) for r in (1, 2)}
+    wrong = replace(case, readings=rows, settings=settings, anchors=named)
 
     (found,) = wrong_anchors(asked(wrong))
 
     assert found.where == group
     assert "another anchor than H3, as its row says, probably H2:" in found.evidence
-    mine = where(case, group, "Pl2")
-    v = at[1] - begin[far["group"] == group][0]
-    right = begin[far["group"] == group][0] + 1.5 * v / np.linalg.norm(v)
-    assert found.correct(wrong).readings.loc[mine, XYZ].to_numpy(float)[0] == pytest.approx(
-        right, abs=1e-3
-    )
+    right = found.correct(wrong)
+    assert right.readings is wrong.readings  # its end follows, as all of them do
+    assert right.anchors[5, 2] == pytest.approx(ends[1])
+    assert all(right.anchors[k] is at for k, at in named.items() if k != (5, 2))
 
 
 def test_a_force_that_is_wrong_leaves_the_anchor(hall):

@@ -162,7 +162,10 @@ def test_members_among_some_places_are_off_by_one_only_if_these_are_neighbours()
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["two", "off by one", "back by one", "shuffled"])
 def test_rows_of_the_joint_log_are_put_back(seed, kind):
-    """Two of them, all shifted by one, or shuffled: each pose has its own joint values again."""
+    """Two of them, all shifted by one, or shuffled: each pose has its own joint values again.
+
+    So it has its own torques, which are logged in the same rows.
+    """
     rng = np.random.default_rng(seed)
     one, other = rng.choice(POSES, 2, replace=False).tolist()
     order = {
@@ -178,7 +181,11 @@ def test_rows_of_the_joint_log_are_put_back(seed, kind):
     assert {one.name for one in found} == {"exchanged"}
     stand = {"off by one": "one row too early", "back by one": "one row too late"}.get(kind, "in ")
     assert all(f" stand {stand}" in one.evidence for one in found)
-    same(put_right(found, case(made)), case(files(seed)))
+    rows, a3 = case(made).joints, case(made).joint_columns[3]
+    torques = rows[["pose"]].assign(tau3=rows[a3])
+    right = put_right(found, replace(case(made), torques=torques))
+    same(right, case(files(seed)))
+    assert right.torques.sort_values("pose")["tau3"].tolist() == right.joints[a3].tolist()
     wrong = {i + 1 for i, k in enumerate(order) if i != k}
     assert {int(row.split(",")[0]) for row in told(found, made)} == wrong
 

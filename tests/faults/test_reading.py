@@ -172,7 +172,7 @@ def test_free_pulls_are_what_dense_fits_make_of_them(given, shifted):
         [motions * (stack.pull == pull)[:, None] for pull in range(int(stack.pull.max()) + 1)]
     )
     W = own(shifted)
-    base = shifted.pulls_free()
+    base = shifted.pulls_free(given.reduced.data)
 
     assert base.rest == pytest.approx(left(W @ X, W @ stack.c), rel=1e-5)
     assert base.dof == len(stack.c) - 6 * (int(stack.pull.max()) + 1)

@@ -3,6 +3,7 @@
 import csv
 import io
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,14 @@ import pytest
 
 from pipeline.annex.reliability import _names
 from pipeline.base.errors import InputError
+from pipeline.faults.conventions import anchored as frame
+from pipeline.faults.exchanged import regrouped
+from pipeline.faults.mistake import Mistake, lines_of
+from pipeline.faults.screen import _corrected_case as corrected
 from pipeline.machine.effects import scale, table, tracker_drift
 from pipeline.reduction.bring import bring
 from pipeline.reduction.expected import expected
+from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 
@@ -59,22 +65,28 @@ def with_anchors(toml, anchors):
     return toml.replace("[scale]", "\n".join(["[anchors]", *rows, "", "[scale]"]), 1).encode()
 
 
-def test_the_force_points_to_the_anchor(hall):
+@pytest.fixture(scope="module")
+def stated(hall):
+    """The campaign, ingested."""
+    files, toml, anchors, _ = hall
+    made = files | {"campaign.toml": with_anchors(toml, anchors)}
+    return ingested(in_memory(made), plausible=False)
+
+
+def test_the_force_points_to_the_anchor(hall, stated):
     """Within 2 mrad of where reflectors on the chain show it, whatever each chain's length."""
-    files, toml, anchors, true = hall
-    force = in_newton(reduced(files | {"campaign.toml": with_anchors(toml, anchors)}))
+    *_, true = hall
+    force = in_newton(bring(stated))
 
     assert len(force) == len(true)
     off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
     assert np.max(off) < 2e-3
 
 
-def test_exchanged_names_turn_no_chain(hall):
+def test_exchanged_names_turn_no_chain(hall, stated):
     """Ends from the load point are where they are with the reflectors' own names."""
     files, toml, anchors, true = hall
-    made = files | {"campaign.toml": with_anchors(toml, anchors)}
-    case = ingested(in_memory(made), plausible=False)
-    first, second = case.settings.measured[:2]
+    first, second = stated.settings.measured[:2]
     other = {first: second, second: first}
     rows = [row.split(",") for row in files["tracker.csv"].decode().splitlines()]
     group = next(row[0] for row in rows if "rep1_loaded" in row[0])
@@ -87,14 +99,36 @@ def test_exchanged_names_turn_no_chain(hall):
     assert np.max(off) < 2e-3
 
 
-def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(hall):
+def test_chains_follow_readings_that_are_put_back(stated):
+    """Those of two poses that are exchanged go to the anchors of their new pulls, others stay."""
+    groups = [f"pose{k:02d}_rep1_loaded" for k in (2, 5)]
+    mine = stated.readings["group"].isin(groups)
+    at = lines_of(stated.readings[mine])
+    true = dict(zip(groups, reversed(groups), strict=True))
+    put_back = partial(regrouped, true=true, out=frozenset(), at=at)
+
+    right = corrected(stated, [Mistake("exchanged", "", "", "", 1.0, put_back)])
+
+    rows = right.readings[right.readings["group"].isin(groups)].set_index(["pose", "target"])
+    R, t = frame(stated)
+    for pose in (2, 5):
+        near, far = (rows.loc[(pose, end), XYZ].to_numpy(float) for end in ("Pl1", "Pl2"))
+        due = R.T @ (stated.anchors[pose, 1] - t) - near
+        assert (far - near) / np.linalg.norm(far - near) == pytest.approx(
+            due / np.linalg.norm(due), abs=1e-3
+        )
+    kept = (one.readings.loc[~mine, XYZ].to_numpy(float) for one in (right, stated))
+    assert next(kept) == pytest.approx(next(kept), abs=1e-4)  # of one length
+
+
+def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(stated):
     """Where the log names anchors; advice that the campaign has followed is not given again."""
-    files, toml, anchors, _ = hall
     with_chain = {path.name: path.read_bytes() for path in DEMO.iterdir()}
     told = {}
-    for chain, those in ((False, files | {"campaign.toml": with_anchors(toml, anchors)}),
-                         (True, with_chain)):  # fmt: skip
-        case = ingested(in_memory(those), plausible=False)
+    for chain, case in (
+        (False, stated),
+        (True, ingested(in_memory(with_chain), plausible=False)),
+    ):
         found = bring(case)
         names = {name for name, *_ in _names(case, found.placed).values()}
         needs = {one.name: one.needs for one in expected(case, found.data)}

@@ -14,7 +14,7 @@ from pipeline.machine.robot import load
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale, parse
 from pipeline.system.assemble import assemble
-from pipeline.system.contrasts import ZEROS, Zeros, pure_error, repeated_zeros, stacked
+from pipeline.system.contrasts import ZEROS, Zeros, pure_error, repeated_zeros, stacked, ways
 
 KR500 = load("kr500_rail")
 X = KR500.nominal_compliance
@@ -265,6 +265,15 @@ def test_repeats_are_alike_in_pose_force_and_branch(second, repeats):
     sets, _ = groups([(0, EAST, 1, 0), second])
 
     assert sets == ([[0, 1]] if repeats else [[0], [1]])
+
+
+def test_pulls_go_one_way_whatever_their_force_and_little_turned():
+    """A twentieth of a radian; not towards another anchor, back, or in another pose."""
+    pulls = [EAST, NORTH, 0.3 * turned(EAST, 0.05), -EAST, 0.5 * NORTH]
+    made = [(0, force, 1, t) for t, force in enumerate(pulls)] + [(1, NORTH, 1, 9)]
+    data = campaign(made, np.random.default_rng(1), 1)
+
+    assert ways(data.pulls).tolist() == [0, 1, 0, 2, 1, 0]
 
 
 def test_repeats_are_brought_to_the_force_of_the_earliest():

@@ -389,6 +389,17 @@ def test_what_a_free_stiffness_of_each_pose_takes_is_told_by_fits(view, given, a
     assert view.free.dof == dof
 
 
+def test_springs_are_free_stiffnesses_of_poses_with_two_anchors(small_campaign, read_back):
+    """Every other pull turned: what joint springs do is among what a pose is free to do."""
+    data = read_back(small_campaign).data
+    turns = np.where(np.arange(len(data.pulls.force)) % 2, 1.5, 0.0)[:, None] * [0.6, 0.0, 0.8]
+    force = Rotation.from_rotvec(turns).apply(data.pulls.force.copy())
+    view = whiten(seen(small_campaign, replace(data, pulls=replace(data.pulls, force=force))), 1.0)
+
+    for spring in view.A[: len(view.rows), :7].T:
+        assert view.free.against(spring).rest < 0.01 * (spring @ spring)
+
+
 def test_exact_data_leave_rounding_and_no_more(given):
     """Without residuals, the sum of squares is the minimum per degree of freedom."""
     exact = replace(given, y=given.B @ given.model.values[:7])
