@@ -700,3 +700,77 @@ def test_a_finding_says_what_was_found(name):
         if key in found and isinstance(expected.get(key), float):
             found[key] = round(found[key], 9)
     assert found == expected
+
+
+CORRECTED = {
+    "base names": ("_renamed", {"place": PLACE}),
+    "base names of a round": ("renamed", {"true": PLACE, "groups": ("base_a",)}),
+    "base reflector": ("_without_target", {"name": "B2"}),
+    "rounds": ("_exchanged", {"pair": ("base_b", "base_a")}),
+    "station": ("_with_begin", {"k": 0, "start": 5.0}),
+    "chain": ("_without_group", {"group": "p3_pull1"}),
+    "copied force": ("without_pulls", {"pulls": {(3, 1), (3, 2)}}),
+    "one force for all": ("_unlogged", None),
+    "rows of the log": ("_renumbered", {"true": {3: 5, 5: 3}, "lost": None}),
+    "forces of a pose": (
+        "_reloaded",
+        {"true": {(3, 1): (3, 2), (3, 2): (3, 1)}, "lost": None},
+    ),
+    "states of a pose": (
+        "regrouped",
+        {
+            "true": {"p3_zero": "p3_pull1", "p3_pull1": "p3_zero"},
+            "out": frozenset(),
+            "at": tuple(f"t.csv:{k}" for k in range(5, 9)),
+        },
+    ),
+    "loose target": ("left_out", {"at": ("t.csv:6", "t.csv:8")}),
+    "names of groups": ("as_it_is", None),
+    "one name twice": ("as_it_is", None),
+    "names of a pose twice": ("without_poses", {"poses": [3]}),
+    "pose moved behind its zero": ("left_out", {"at": ("t.csv:5", "t.csv:6")}),
+    "pose moved between pulls": ("left_out", {"at": ("t.csv:11", "t.csv:12")}),
+    "one of two readings": ("left_out", {"at": ("t.csv:4", "t.csv:9")}),
+    "force": ("without_pulls", {"pulls": {(3, 1)}}),
+    "zero of the scale in two poses": ("without_pulls", {"pulls": {(3, 1), (3, 2), (4, 1)}}),
+    "rows in kN": ("_times", {"keys": {(4, 1), (5, 1)}, "factor": 1000.0}),
+    "rows in N": ("_times", {"keys": {(3, 1), (3, 2)}, "factor": 0.001}),
+    "rows in kgf or daN": ("without_pulls", {"pulls": {(3, 1), (4, 1)}}),
+    "copied rows": ("without_pulls", {"pulls": {(3, 2), (4, 1)}}),
+    "stale end": ("as_it_is", None),
+    "repeated reading": ("left_out", {"at": ("t.csv:6",)}),
+    "no displacements": ("as_it_is", None),
+    "displacements of one target that are still": (
+        "_unread",
+        {"keys": [(3, 1, "P1"), (3, 2, "P1")]},
+    ),
+    "poses that are still": ("_unread", {"keys": [(3, 2)]}),
+}
+
+
+@pytest.mark.parametrize("name", list(CORRECTED))
+def test_a_finding_is_corrected_by_what_it_found(name):
+    """The function, and what it corrects."""
+    correct = SAID[name][0]().correct
+    known = getattr(correct, "keywords", None)
+    if known and isinstance(known.get("keys"), pd.MultiIndex):
+        known = {"keys": list(known["keys"])}
+
+    assert (getattr(correct, "func", correct).__name__, known) == CORRECTED[name]
+
+
+def test_what_belongs_nowhere_is_lost_in_the_correction():
+    """The first of a ring that is no ring: its row in the log, or of the loads, is left out."""
+    rows = exchanged._of_rows(CASE, np.array([5, 3]), Ring((1, 0), ended=True), APART_M2)
+    assert rows.correct.keywords == {"true": {3: 5}, "lost": 3}
+    loads = of_loads((2, 0, 1), ended=True)
+    assert loads.correct.keywords == {"true": {(4, 1): (3, 1), (3, 1): (3, 2)}, "lost": (4, 1)}
+    assert loads.where == "f.csv pose03 rep1/pose04 rep1 off by one"
+
+
+def test_names_of_a_ring_are_put_back_the_other_way():
+    """A reading at the place of P1 that is written as P2 is one of P1."""
+    ring = {"P1": "P2", "P2": "P3", "P3": "P1"}
+    found = labels._finding(CASE, "p3_pull1", ring, np.full(len(ROWS), 0.5), ROWS)
+    assert found.correct.keywords["true"] == {"P2": "P1", "P3": "P2", "P1": "P3"}
+    assert found.alike == "P1 and P2 and P3"

@@ -1,0 +1,257 @@
+"""Parts of the tests of faults, from tables of a few rows and numbers put in by hand."""
+
+from types import SimpleNamespace as Some
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.faults import (
+    chain,
+    conventions,
+    dead_sensor,
+    joint_row,
+    labels,
+    mistake,
+    pull,
+    stale_reading,
+    unit_since,
+)
+from pipeline.machine.effect import HUNG, PULLED
+from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
+from pipeline.reduction.measured import STILL_M
+
+XYZ = ["x_m", "y_m", "z_m"]
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "spread", "alike"),
+    [
+        (0.95, 0.15, 0.0, True),
+        (0.95, 0.17, 0.0, True),  # 20 mm are no gross distance
+        (0.95, 0.19, 0.0, False),
+        (0.99, 0.15, 0.0, False),
+        (0.95, 0.19, 0.01, True),  # ten times what is usual
+        (0.95, 0.26, 0.01, False),
+    ],
+)
+def test_an_exchange_leaves_both_ends_hung_as_usual(near, far, spread, alike):
+    """Ends 0.15 and 0.95 m from the load point in five pulls, the sixth is read the other way."""
+    off = spread * np.array([-1, 1, 0, 1, -1])
+    table = pd.DataFrame(
+        {
+            "pose": [1, 1, 2, 2, 3, 4],
+            "near": [*(0.15 + off), near],
+            "far": [*(0.95 + off), far],
+        }
+    )
+    turned = np.arange(6) == 5
+    assert labels._hung_alike(table, turned).tolist() == [True] * 5 + [alike]
+    assert GROSS_DISTANCE_M == 0.03
+
+
+def test_a_pull_hung_as_the_others_of_its_pose_is_hung_alike():
+    """Though those of other poses hang otherwise."""
+    table = pd.DataFrame(
+        {"pose": [1, 1, 1, 2, 2, 2, 2], "near": [0.15] * 3 + [0.4, 0.4, 0.4, 1.5],
+         "far": [0.95] * 3 + [1.5, 1.5, 1.5, 0.4]}
+    )  # fmt: skip
+    assert labels._hung_alike(table, np.arange(7) == 6).all()
+
+
+@pytest.mark.parametrize(
+    ("stated", "off", "expected"),
+    [
+        (2e-3, [1e-3, 3e-3], 1e-3),  # zeros repeat better than stated
+        (2e-4, [1e-3, 3e-3], 2e-4),
+        (2e-3, [], 2e-3),  # nothing repeated
+        (np.nan, [1e-3, 3e-3], 2e-3),  # the median of 1, 1, 1, 3, 3, 3
+        (np.nan, [], 5e-5),
+        (1e-6, [1e-3], 5e-5),
+    ],
+)
+def test_the_scatter_of_digits_is_the_smaller_of_what_is_stated_and_seen(stated, off, expected):
+    """Differences of repeated zeros, equal ones left out; nowhere below the last digit."""
+    at = np.cumsum([0.0, *off, 0.0])
+    still = pd.DataFrame({"at": 1, "target": "P1", **dict.fromkeys(XYZ, at)})
+    C = {name: stated**2 if name[1] == name[2] else 0.0 for name in
+         ("cxx_m2", "cxy_m2", "cxz_m2", "cyy_m2", "cyz_m2", "czz_m2")}  # fmt: skip
+    found = stale_reading._scatter(pd.DataFrame([C, C]), still, 5e-5)
+    if np.isfinite(stated) and len(off) == 2:
+        expected = min(stated, 2e-3)
+    np.testing.assert_allclose(found, np.full((2, 3), expected))
+
+
+def test_a_group_without_extent_is_too_small_by_its_extent_over_a_micrometre():
+    """Two targets 2 mm apart: 1 mm rms from their centre; one target, or none, has no extent."""
+    places = {"P1": (0.0, 0, 0), "P2": (0.0, 0, 2e-3)}
+    names, at = np.array(["P1", "P2", "B1", "P1"], object), np.zeros((4, 3))
+    assert unit_since._too_small(places, names, at) == pytest.approx(1e-3 / STILL_M)
+    at[1, 0], at[3] = 4e-3, 9.0  # of a target read twice the first
+    assert unit_since._too_small(places, names, at) == pytest.approx(0.5)
+    assert np.isnan(unit_since._too_small(places, names[[0, 2, 3]], at[:3]))
+    assert np.isnan(unit_since._too_small({}, names, at))
+
+
+class Pulls(Some):
+    """Pulls with a number."""
+
+    def __len__(self):
+        return len(self.pose)
+
+
+def scale(force, implied, by=PULLED):
+    """A campaign of single pulls, read as `force` [N], that moved the robot as `implied` ones."""
+    m = len(force)
+    pulls = Pulls(pose=np.arange(m), repeat=np.ones(m, int), by=np.full(m, by),
+                 force=np.array(force, float)[:, None] * [[0, 0.6, 0.8]])  # fmt: skip
+    moved = np.array(force, float)[:, None] * [[1e-6, 0, 2e-6]]
+    delta = np.array(implied, float)[:, None] * [[1e-6, 0, 2e-6]]
+    data = Some(pulls=pulls, pull=np.arange(m), target=np.zeros(m, int), delta=delta)
+    loads = pd.DataFrame(
+        {"pose": np.arange(m), "repeat": 1, "file": "f.csv", "line": np.arange(m) + 2}
+    )
+    rows = pd.DataFrame({"pose": np.arange(m), "repeat": 1, "state": "loaded"})
+    return Some(loads=loads, readings=rows), data, moved
+
+
+GIVEN = [900.0, 1500, 2100, 1200, 1800, 2000, 1000]
+
+
+def test_a_scale_that_shows_nothing_in_some_pulls_was_dead():
+    """Two and a half newtons where the robot moved as by thousands."""
+    force = [*GIVEN[:2], 2.5, 2.5, 2.5, 2.5, GIVEN[6]]
+    (found,) = dead_sensor._silent(*scale(force, GIVEN))
+
+    meant = np.sqrt(np.mean(np.square(GIVEN[2:6])))  # 1807 N
+    assert found.evidence == (
+        "4 pulls have forces of 2.5 N (rms; f.csv:4–7), and moved the robot as 1800 N would with "
+        "its typical stiffnesses: none is 30 times as compliant. The scale was dead"
+    )
+    assert found.before == pytest.approx(2.5 / meant)
+    assert (found.name, found.where, found.after) == ("dead_sensor", "f.csv force", 1.0)
+    assert found.at == ("f.csv:4", "f.csv:5", "f.csv:6", "f.csv:7")
+    assert found.correct.keywords == {"pulls": {(k, 1) for k in range(2, 6)}}
+
+
+@pytest.mark.parametrize(
+    ("force", "implied"),
+    [
+        (GIVEN, GIVEN),
+        ([*GIVEN[:2], 2.5, 2.5, *GIVEN[4:]], GIVEN),  # two pulls are too few
+        ([2.5] * 7, GIVEN),  # all of them may be in another unit
+        ([*GIVEN[:2], 2.1, 1.2, 1.8, 2.0, GIVEN[6]], GIVEN),  # some in kN follow the motion
+        ([*GIVEN[:2], 90.0, 90.0, 90.0, 90.0, GIVEN[6]], GIVEN),  # a twentieth is not nothing
+        ([*GIVEN[:2], 2.5, 2.5, 2.5, 2.5, GIVEN[6]], [*GIVEN[:2], *[9e5] * 4, GIVEN[6]]),
+    ],
+)
+def test_other_small_forces_are_no_dead_scale(force, implied):
+    """Nor is a motion that no pull causes."""
+    assert [*dead_sensor._silent(*scale(force, implied))] == []
+
+
+def test_without_loads_and_without_a_scale_none_was_dead():
+    """Forces as given, or weights."""
+    case, data, moved = scale([*GIVEN[:2], 2.5, 2.5, 2.5, 2.5, GIVEN[6]], GIVEN)
+    assert [*dead_sensor._silent(Some(**{**vars(case), "loads": []}), data, moved)] == []
+    weights = scale([*GIVEN[:2], 2.5, 2.5, 2.5, 2.5, GIVEN[6]], GIVEN, HUNG)
+    assert [*dead_sensor._silent(*weights)] == []
+
+
+@pytest.mark.parametrize(
+    ("f", "g", "related"),
+    [
+        ([1.0, 2, 3, 4], [10.0, 20, 30, 40.1], True),
+        ([1.0, 2, 3, 4], [-10.0, -20, -30, -40.1], True),
+        ([1.0, 2, 3, 4], [5.0, 4, 4, 5], False),
+        ([1.0, 1, 1, 1], [1.0, 2, 3, 4], False),
+        ([1.0, 2, 3, 4], [2.0, 2, 2, 2], False),
+    ],
+)
+def test_readings_follow_others_beyond_chance_or_not(f, g, related):
+    """By their correlation, whatever its sign; what is constant follows nothing."""
+    assert dead_sensor._correlated(np.array(f), np.array(g)) == related
+
+
+def test_turns_of_a_frame_in_words():
+    """Right angles have a sign, half turns have none; others have no axis."""
+    said = {how for _, how in conventions._as_turned("base_frame")}
+    x, y = np.diag([1.0, -1, -1]), np.diag([-1.0, 1, -1])
+    quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    ring = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
+
+    assert len(said) == len(conventions._TURNS) == 47
+    assert conventions._turn(x, "F_b") == "turned by 180 deg about x of F_b"
+    assert conventions._turn(y, "F_b") == "turned by 180 deg about y of F_b"
+    assert conventions._turn(quarter, "F_b") == "turned by 90 deg about z of F_b"
+    assert conventions._turn(quarter.T, "F_b") == "turned by -90 deg about z of F_b"
+    assert conventions._turn(ring, "F_b") == "turned by 120 deg of F_b"
+    assert conventions._turn(-np.eye(3), "F_b") == "mirrored"
+    assert conventions._turn(-quarter, "F_b") == "turned by 90 deg about z of F_b and mirrored"
+    assert ", turned by 90 deg about z of F_b: [x, y, z] there is [-y, x, z] here" in said
+    tool = [how for _, how in conventions._as_turned("tool")]
+    assert (
+        ", maybe the controller's, turned by 180 deg about z of the flange: [x, y, z] there is "
+        "[-x, -y, z] here"
+    ) in tool
+
+
+@pytest.mark.parametrize(
+    ("weights", "reduced", "share", "said"),
+    [
+        (True, False, None, (
+            "weights pull the other way than [gravity] states: 5 of 6 clear compliances are "
+            "negative, the robot would move against them",
+            "recomputed with weights pulling the other way in F_b")),
+        (False, False, 0.75, (
+            "the pull is reversed: 5 of 6 clear compliances are negative, the robot would move "
+            "against the force, and in 75% of the pulls the first end is farther from the load "
+            "point", "recomputed with Pl1 and Pl2 exchanged")),
+        (False, False, None, (
+            "the pull is reversed: 5 of 6 clear compliances are negative, the robot would move "
+            "against the force", "recomputed with Pl1 and Pl2 exchanged")),
+        (False, True, None, (
+            "the pull is reversed: 5 of 6 clear compliances are negative, the robot would move "
+            "against the force", "recomputed with all forces reversed")),
+    ],
+)  # fmt: skip
+def test_a_reversed_pull_in_words(weights, reduced, share, said):
+    """Of weights, of a chain, and of forces as given."""
+    settings = Some(naming=Some(chain=["Pl1", "Pl2"]), displacements=Some() if reduced else None)
+    loads = pd.DataFrame({"force_n": [np.nan if weights else 3.0, np.nan]})
+    case = Some(settings=settings, loads=loads.iloc[:0] if reduced else loads)
+    assert pull._reversed(case, 5, 6, share) == said
+
+
+def test_lengths_and_deviations_in_words():
+    """Two digits below ten standard deviations, three above, none beyond a thousand."""
+    assert mistake.length(1.0) == "1.00 m"
+    assert mistake.length(0.99996) == "999.96 mm"
+    assert mistake.apart(9.94) == "9.9 standard deviations"
+    assert mistake.apart(10.0) == "10.0 standard deviations"
+    assert mistake.apart(999.6) == "1000 standard deviations"
+    assert mistake.apart(1000.1) == "more than 1000 standard deviations"
+    assert joint_row._mm(0.1) == "100 mm"
+    assert joint_row._mm(0.0999) == "100 mm"
+    assert joint_row._mm(0.01234) == "12 mm"
+    assert chain._told_direction(0.0123, 12.3) == (
+        "the chain's direction deviates by 12.3 ± 1.0 mrad from that of the other pulls of the "
+        "pose, 12.3 standard deviations"
+    )
+
+
+def test_a_mistake_that_leaves_too_little_is_hopeless():
+    """And what a single reading of the tracker is, that noise may explain."""
+    one = mistake.outlying("g/P1", "off", "out", before=5.0, correct=None, p_value=3.0)
+    assert one.p_value == 1.0
+    assert (one.of_reading, one.may_be_noise, one.hopeless) == (True, True, False)
+    lost = one.lost
+    assert (lost.hopeless, lost.correct, lost.before) == (True, mistake.as_it_is, 5.0)
+    assert lost.correction.startswith("nothing can be corrected, too few displacements are left")
+    for known in ({"size_unit": "N"}, {"name": "exchanged"}):
+        other = mistake.outlying("g", "", "", before=1.0, correct=None, p_value=0.1, **known)
+        assert (other.of_reading, other.may_be_noise) == (False, False)
+    for known in ({"together": True}, {"unit": "mm"}, {"p_value": None}):
+        known = {"p_value": 0.1, **known}
+        other = mistake.outlying("g", "", "", before=1.0, correct=None, **known)
+        assert (other.of_reading, other.may_be_noise) == (True, False)
