@@ -10,6 +10,7 @@ from pipeline.faults import (
     chain,
     conventions,
     dead_sensor,
+    exchanged_pulls,
     joint_row,
     labels,
     mistake,
@@ -17,6 +18,7 @@ from pipeline.faults import (
     stale_reading,
     unit_since,
 )
+from pipeline.faults.assignment import Ring
 from pipeline.machine.effect import HUNG, PULLED
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.measured import STILL_M
@@ -255,3 +257,62 @@ def test_a_mistake_that_leaves_too_little_is_hopeless():
         known = {"p_value": 0.1, **known}
         other = mistake.outlying("g", "", "", before=1.0, correct=None, **known)
         assert (other.of_reading, other.may_be_noise) == (True, False)
+
+
+@pytest.mark.parametrize(
+    ("rows", "most"),
+    [
+        ((0, 1, 2, 9), False),
+        ((0, 2, 4, 6, 9), False),  # five of ten rows
+        ((0, 2, 4, 6, 8), True),  # of nine
+        ((5, 6, 8, 10, 13, 15), True),  # six of eleven
+    ],
+)
+def test_most_rows_stand_elsewhere_by_their_number_between_first_and_last(monkeypatch, rows, most):
+    """In the order of the log, whatever that of the pulls."""
+    asked_, ring = [], Ring(tuple(15 - k for k in rows))
+    loads = pd.DataFrame({"pose": np.arange(16), "repeat": 1})
+    pulls = Some(pose=np.arange(16)[::-1], repeat=np.ones(16, int))
+    asked = Some(case=Some(loads=loads), reduced=Some(data=Some(pulls=pulls)))
+    moved = Some(pull=np.arange(16), force=np.ones(16), least=9.0)
+    fit = Some(cost=np.zeros((16, 16)))
+
+    def happens(one, pose, most):
+        asked_.append((one, pose.tolist(), most))
+        return True
+
+    monkeypatch.setattr(exchanged_pulls, "_orders", lambda *_: [(fit, [ring])])
+    monkeypatch.setattr(exchanged_pulls, "_happens", happens)
+    for name in ("_changes", "_both"):
+        monkeypatch.setattr(exchanged_pulls, name, lambda *_: True)
+    monkeypatch.setattr(exchanged_pulls, "of_loads", lambda *given: given[3:])
+
+    ((one, row),) = exchanged_pulls._loads(asked, moved, None)
+    assert asked_ == [(ring, pulls.pose.tolist(), most)]
+    assert (one, row.tolist()) == (ring, list(range(15, -1, -1)))
+
+
+def test_the_order_that_leaves_fewest_forces_unexplained_is_taken(monkeypatch):
+    """What has no force counts for neither; the first of equals, and the next where none is one."""
+    m = 6
+    loads = pd.DataFrame({"pose": np.arange(m), "repeat": 1})
+    pulls = Some(pose=np.arange(m), repeat=np.ones(m, int))
+    asked = Some(case=Some(loads=loads), reduced=Some(data=Some(pulls=pulls)))
+    moved = Some(pull=np.arange(m), force=np.ones(m), least=9.0)
+    bad = np.full((m, m), 10.0)
+    two, ended = Ring((0, 1)), Ring((2, 3), ended=True)
+    some = np.where(np.arange(m) < 2, 10.0, 0.0) * np.ones((m, m))
+    orders = [(Some(cost=bad), [two]), (Some(cost=some.T), [two]), (Some(cost=some), [ended])]
+    monkeypatch.setattr(exchanged_pulls, "_orders", lambda *_: orders)
+    for name in ("_happens", "_changes"):
+        monkeypatch.setattr(exchanged_pulls, name, lambda *_, **__: True)
+    monkeypatch.setattr(exchanged_pulls, "of_loads", lambda *given: (given[2], given[3]))
+
+    for allowed in ([0, 1, 2], [0, 2], [0], []):
+        kept = [orders[k][0] for k in allowed]
+        monkeypatch.setattr(
+            exchanged_pulls, "_both", lambda fit, *_, kept=kept: any(fit is one for one in kept)
+        )
+        found = exchanged_pulls._loads(asked, moved, None)
+        first = next((k for k in (1, 2, 0) if k in allowed), None)
+        assert found == ([] if first is None else [(orders[first][0], orders[first][1][0])])
