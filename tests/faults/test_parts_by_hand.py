@@ -15,6 +15,7 @@ from pipeline.faults import (
     labels,
     mistake,
     pull,
+    reading,
     stale_reading,
     unit_since,
 )
@@ -316,3 +317,58 @@ def test_the_order_that_leaves_fewest_forces_unexplained_is_taken(monkeypatch):
         found = exchanged_pulls._loads(asked, moved, None)
         first = next((k for k in (1, 2, 0) if k in allowed), None)
         assert found == ([] if first is None else [(orders[first][0], orders[first][1][0])])
+
+
+@pytest.mark.parametrize(
+    ("gains", "moved"),
+    [
+        ({4: -1.0, 5: -2.0, 9: -1.0}, set()),
+        ({4: -1.0, 5: 0.5, 9: -1.0}, {5}),
+        ({4: 0.7, 5: 0.5, 9: 0.1}, {4, 9}),
+        ({4: 0.0, 5: -1.0, 9: 0.1}, {9}),
+    ],
+)
+def test_of_each_pose_the_state_that_moved_most_surely_moved(monkeypatch, gains, moved):
+    """Two pulls of a pose, in the second of which two targets are off, and a zero of another."""
+    pose, pull = np.zeros(10, int), np.full(10, 7)
+    pose[[4, 5, 6, 9]], pull[[4, 5, 6, 9]] = (3, 3, 3, 8), (0, 1, 1, -1)
+    asked, held = [], Some(which=np.array([4, 5, 6, 9]), variance=2.0)
+
+    class Beside:
+        """A base of four rows, which knows beside what it is."""
+
+        def __init__(self, others=()):
+            self.others = tuple(others)
+
+        def more(self, others):
+            """Beside other readings, too."""
+            return Beside(others)
+
+        def beside_all(self, columns):
+            """All at once: the first reading of each state moves a row."""
+            return self.others, columns.astype(int)[0].tolist()
+
+    shifted = Some(
+        readings=Some(pose=pose, pull=pull, nth=np.zeros(10, int)),
+        _rigid=lambda base, k: np.full((4, 6), k),
+    )
+
+    def rows(base, which):
+        """What is held beside, as it is; columns of the readings of a pose, three of each."""
+        return np.repeat(np.ones((4, 1)) * which, 3, axis=1) if base.others else tuple(which)
+
+    suspects = Some(rows=rows)
+
+    def as_one(every, mode, own, variance):
+        asked.append((every[0], mode.tolist(), own.tolist(), variance))
+        first = every[1][mode[0]]
+        return gains[first]
+
+    monkeypatch.setattr(reading, "_as_one", as_one)
+    found = reading.Shifted._moved_as_a_whole(shifted, held, Beside(), suspects)
+
+    assert found == moved
+    assert [one[1][0] for one in asked] == [0, 6, 0]
+    assert [len(one[2]) for one in asked] == [3, 3, 1]
+    assert asked[0][2] == [[12, 13, 14], [15, 16, 17], [18, 19, 20]]
+    assert {one[3] for one in asked} == {2.0}
