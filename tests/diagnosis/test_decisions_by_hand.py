@@ -82,11 +82,17 @@ def test_unloaded_positions_are_judged_by_their_deviation(known, yes):
     assert not stood.weighs
 
 
+class Suspect(Some):
+    """One of many, which are told apart by themselves."""
+
+    __hash__ = object.__hash__
+
+
 def named(label, name="", sags=False, columns=(0,)):
     """A suspect of the table."""
     parameters = tuple(Some(typical=t, lower=-1.0, upper=1.0) for t in (2.0, 5.0)[: len(columns)])
     effect = Some(label=label, name=name or label, parameters=parameters)
-    return Some(effect=effect, label=label, sags=sags, columns=columns, wide=0.1)
+    return Suspect(effect=effect, label=label, sags=sags, columns=columns, wide=0.1)
 
 
 def test_rivals_are_the_others_that_are_not_improbable():
@@ -523,3 +529,95 @@ def test_causes_help_unless_left_out_poses_are_predicted_worse():
     assert replace(facts, gain=gained(0.1, 0.01), scatter_told=False).helps
     assert not facts.hopeless
     assert replace(facts, mistakes=(Some(hopeless=False), Some(hopeless=True))).hopeless
+
+
+def test_a_cause_of_the_table_is_stated_with_its_twins_and_rivals(monkeypatch):
+    """Two are free; the second is as likely as its evidence, and that of a twin, say."""
+    one, two, twin, rival, other = (named(label) for label in "abcde")
+    evidence = {two: 3.0, twin: 2.0, rival: 2.5, other: -40.0}
+    freed = []
+
+    def unrefined(zeros, sums, free):
+        freed.append((zeros, sums, free))
+        return Some(evidence=lambda other: evidence[other])
+
+    monkeypatch.setattr(unloaded_geometry, "products", lambda rows: f"sums of {rows}")
+    monkeypatch.setattr(unloaded_geometry, "unrefined", unrefined)
+    monkeypatch.setattr(unloaded_geometry, "same", lambda zeros, sums, a, b: b is twin)
+    two.columns = (1,)
+    search = Some(
+        zeros="zeros", rows="rows", free=(one, two), asked=(one, two, twin, rival, other),
+        found=Some(mean=np.array([7.0, 4e-3]), covariance=np.diag([1.0, 9e-8])),
+        p_value=lambda asked: 1e-5 if asked is two else 1.0,
+    )  # fmt: skip
+    found = unloaded_geometry._off(search, 1)
+
+    total = np.exp(3.0) + np.exp(2.0) + np.exp(2.5)
+    assert freed == [("zeros", "sums of rows", (one,))]
+    assert found.effect is two.effect
+    assert (found.value.tolist(), found.std.tolist()) == ([4e-3], [3e-4])
+    assert found.p_value == 1e-5
+    assert found.probability == pytest.approx((np.exp(3.0) + np.exp(2.0)) / total)
+    assert [each.effect for each in found.rivals] == [rival.effect]
+    assert found.twins == (twin.effect,)
+
+
+LEAST = unlisted.LEAST_EVIDENCE
+
+
+@pytest.mark.parametrize(
+    ("evidence", "p", "structure", "found", "beyond"),
+    [
+        ([9.0, 8.0], [1e-7, 2e-7], [1e-6, 1e-6], {"a": 1e-6, "b": 2e-6}, 1e-6),
+        ([8.0, 9.0], [1e-7, 2e-7], [1e-6, 1e-6], {"b": 2e-6, "a": 1e-6}, 1e-6),
+        ([9.0, LEAST - 0.1], [1e-7, 2e-7], [1e-6, 1e-6], {"a": 1e-6}, 1e-6),
+        ([9.0, 8.0], [1e-7, 0.5], [1e-6, 1e-6], {"a": 1e-6}, 1e-6),
+        ([9.0, 8.0], [1e-7, 2e-7], [0.2, 1e-5], {"b": 1e-5}, 1e-6),
+        ([9.0, 8.0], [1e-7, 2e-7], [0.2, 0.3], {}, 1e-6),
+        ([9.0, LEAST - 0.1], [0.5, 1e-7], [1e-6, 1e-6], {}, 1.0),
+        ([9.0, 8.0], [0.3, 0.2], [1e-6, 1e-6], {}, 1.0),
+        ([40.0, 40.1 - unlisted._WITHIN], [1e-7] * 2, [1e-7] * 2, {"a": 1e-6, "b": 1e-6}, 1e-6),
+        ([40.0, 39.9 - unlisted._WITHIN], [1e-7] * 2, [1e-7] * 2, {"a": 1e-6}, 1e-6),
+        ([], [], [], {}, 1.0),
+    ],
+)
+def test_laws_are_likely_beyond_scatter_and_copies(
+    monkeypatch, evidence, p, structure, found, beyond
+):
+    """Of two places, ten independent tries; the first is that of a cause that is held."""
+    now = Some(log_evidence=np.array([99.0, *evidence]), p=lambda: np.array([1e-30, *p]), dof=50)
+    view = Some(suspects="all", base="base", beside=lambda base: f"beside {base}")
+    monkeypatch.setattr(unlisted, "_view", lambda *_: view)
+    monkeypatch.setattr(unlisted, "statistics_given", lambda *_: now)
+    monkeypatch.setattr(unlisted, "threshold", lambda *_: Some(independent=10.0))
+    monkeypatch.setattr(unlisted, "_by_structure", lambda *_: np.array([0.0, *structure]))
+    monkeypatch.setattr(unlisted.unlisted, "worded", lambda robot, law: law.label)
+    laws = tuple(Some(label=label, law=None) for label in "ab"[: len(p)])
+    told, least = unlisted._likely(
+        Some(cell=Some(robot=None)), None, (4,), laws, np.random.default_rng(1)
+    )
+
+    assert list(told) == list(found)
+    assert told == pytest.approx(found, rel=1e-4)
+    assert least == pytest.approx(beyond, rel=1e-4)
+
+
+def test_further_shapes_are_sought_of_accepted_laws_alone(monkeypatch):
+    """Beside these laws; a cause of the catalogue may be what a law lacks."""
+    suspects = (Law("a", None), Law("b", 1.0), Law("c", None), Law("d", 2.0))
+    asked = Some(suspects=suspects, data=Some(pulls="pulls"), cell=Some(robot="robot"))
+    model = Some(cell="cell", values="values")
+    found = Some(accepted=(3, 0, 1), first=Some(model=model))
+    monkeypatch.setattr(unlisted, "load", lambda *of: of)
+    monkeypatch.setattr(
+        unlisted.unlisted, "extensions", lambda robot, loaded, one: [(robot, loaded, one), one]
+    )
+    monkeypatch.setattr(unlisted, "_searched", lambda *of: of)
+    *_, mine, every, start, rng = unlisted._extended(asked, found, "start", "rng")
+
+    at = ("cell", "pulls", "values")
+    assert mine == (3, 1)
+    assert every == (
+        ("robot", at, suspects[3]), suspects[3], ("robot", at, suspects[1]), suspects[1],
+    )  # fmt: skip
+    assert (start, rng) == ("start", "rng")
