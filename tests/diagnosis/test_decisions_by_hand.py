@@ -12,6 +12,7 @@ from pipeline.diagnosis import (
     cause_search,
     causes,
     converge,
+    diagnose,
     drift,
     hypotheses,
     unlisted,
@@ -621,3 +622,65 @@ def test_further_shapes_are_sought_of_accepted_laws_alone(monkeypatch):
         ("robot", at, suspects[3]), suspects[3], ("robot", at, suspects[1]), suspects[1],
     )  # fmt: skip
     assert (start, rng) == ("start", "rng")
+
+
+# --- what the diagnosis states --------------------------------------------------------------------
+
+
+def test_a_misfit_is_held_against_the_scatter_that_contrasts_show():
+    """P of F = 2 / 1.5^2 with 20 and 50 degrees of freedom; of chi-square where none shows it."""
+    estimate = Some(p_value=1e-3, dof=20, chi2=40.0)
+    seen = Some(known_from="contrasts", tracker=1.5, tracker_std=0.15)
+    expected = stats.f.sf(2 / 2.25, 20, 50)
+    assert diagnose._misfit(estimate, seen) == (1e-3, pytest.approx(expected))
+    sure = Some(p_value=0.9, dof=20, chi2=40.0)
+    assert diagnose._misfit(sure, seen) == (0.9, 0.9)
+    for other in (
+        diagnose._misfit(Some(p_value=1e-3, dof=0, chi2=0.0), seen),
+        diagnose._misfit(estimate, Some(known_from="residuals")),
+    ):
+        assert other == (1e-3, 1e-3)
+    one = Some(p_value=1e-3, dof=1, chi2=9.0)
+    assert diagnose._misfit(one, seen)[1] == pytest.approx(stats.f.sf(4.0, 1, 50))
+    assert diagnose._misfit(Some(p_value=None, dof=5), seen) == (None, 1.0)
+
+
+def test_what_moves_between_poses_is_the_trackers_and_the_halls():
+    """At right angles: 3 and 4 um."""
+    wanders = Some(wanders=True, wander=Some(between_poses=3e-6))
+    still = Some(wanders=False, wander=Some(between_poses=3e-6))
+    grown = Some(deformed_m=4e-6)
+    assert diagnose.between_poses(wanders, grown) == pytest.approx(5e-6)
+    assert diagnose.between_poses(still, grown) == pytest.approx(4e-6)
+    assert diagnose.between_poses(wanders, None) == pytest.approx(3e-6)
+    assert diagnose.between_poses(None, None) == 0.0
+
+
+def test_an_outbuilding_that_is_not_there_says_nothing(monkeypatch):
+    """Else it is asked."""
+    monkeypatch.setattr(diagnose.doors, "found", lambda door: None)
+    assert diagnose._offered("door", "nothing", 1, 2) == "nothing"
+    monkeypatch.setattr(diagnose.doors, "found", lambda door: lambda *of: (door, of))
+    assert diagnose._offered("door", "nothing", 1, 2) == ("door", (1, 2))
+
+
+def test_the_search_states_what_it_left(monkeypatch):
+    """Settled where it explains all, or detected nothing; a ratio only of causes that help."""
+    monkeypatch.setattr(diagnose, "suspect_statistics", lambda found: "clues")
+    monkeypatch.setattr(diagnose, "misfits", lambda first: first.spread.sum())
+    found = Some(
+        refused=("a",), threshold=Some(p=1e-4), lack_first=Some(p_poses=0.1, p_pulls=0.2),
+        lack=Some(p_poses=0.3, p_pulls=0.4), left=0.5, rough=1.5, seen="seen",
+        first=Some(spread=np.array([3e-6, 4e-6])), explains=False, detected=True,
+    )  # fmt: skip
+    told = diagnose._of_search(found, False)
+    assert told == {
+        "refused": ("a",), "clues": "clues", "threshold": 1e-4, "lack_of_fit": (0.1, 0.2),
+        "remainder": (0.3, 0.4, 0.5), "rough": None, "misfits": pytest.approx(7e-6),
+        "noise_floor_m": pytest.approx(np.sqrt(12.5e-12)), "seen": "seen", "settled": False,
+    }  # fmt: skip
+    assert diagnose._of_search(found, True)["rough"] == 1.5
+    found.explains = True
+    assert diagnose._of_search(found, True)["settled"]
+    found.explains = found.detected = False
+    assert diagnose._of_search(found, True)["settled"]
