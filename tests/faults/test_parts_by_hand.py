@@ -14,6 +14,7 @@ from pipeline.faults import (
     joint_row,
     labels,
     mistake,
+    placement,
     pull,
     reading,
     stale_reading,
@@ -372,3 +373,90 @@ def test_of_each_pose_the_state_that_moved_most_surely_moved(monkeypatch, gains,
     assert [len(one[2]) for one in asked] == [3, 3, 1]
     assert asked[0][2] == [[12, 13, 14], [15, 16, 17], [18, 19, 20]]
     assert {one[3] for one in asked} == {2.0}
+
+
+LOG = pd.DataFrame(
+    {"pose": [1, 2, 3, 4], "file": "j.csv", "line": [2, 3, 4, 5],
+     "theta1_deg": [1.0, 2.0, 3.0, 1.0], "theta2_deg": [5.0, 6.0, 7.0, 5.0]}
+)  # fmt: skip
+
+
+def test_a_wrong_row_of_the_log_in_words():
+    """By the rms of its unloaded reflectors, 300 mm, and of those of the other good poses, 1 mm."""
+    pose = np.array([0, 0, 1, 1, 2, 3, 3])
+    zero = np.array([True, True, True, True, True, True, False])
+    away = np.array([0.18, 0.24, 1e-3, 1e-3, 0.5, 1e-3, 9.0])[:, None] * [1.0, 0, 0]
+    away[:2] *= np.sqrt(2)
+    read = Some(poses=np.array([1, 2, 3, 4]), pose=pose, zero=zero)
+    laid = Some(away=away, apart=np.array([True, False, True, False]))
+    case = Some(joints=LOG, joint_columns=["theta1_deg", "theta2_deg"])
+    found = joint_row._finding(case, read, laid, 0)
+
+    assert found.evidence == (
+        "the row of pose 1 in the joint log (j.csv:2) does not match its readings but repeats that "
+        "of pose 4: the unloaded reflectors are 300 mm from where it places them, those of the "
+        "other poses 1.0 mm"
+    )
+    assert (found.where, found.at, found.unit) == ("j.csv pose01", ("j.csv:2",), "mm")
+    assert (found.before, found.after, found.size) == pytest.approx((300.0, 1.0, 0.3))
+    assert found.correct.keywords == {"poses": [1]}
+    assert found.correction == "recomputed without pose 1"
+    assert joint_row._same(case, LOG.iloc[1]) == ""
+
+
+def test_a_frame_that_is_another_one_in_words(monkeypatch):
+    """Turned by a right angle about z and shifted by half a metre; or without [base_frame]."""
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    expected = np.array([[1.0, 0, 0], [0, 2, 0], [0, 0, 3], [1, 1, 1]])
+    shift = np.array([0.3, 0.0, 0.4])
+    seen = (expected - shift) @ turn  # where it has to be turned from
+    monkeypatch.setattr(placement, "not_rigid", lambda case: None)
+    monkeypatch.setattr(placement, "miss", lambda case: 0.002)
+    monkeypatch.setattr(placement, "unloaded", lambda case: "zeros")
+    monkeypatch.setattr(placement, "pairs", lambda case, zeros: (seen, expected, None))
+    monkeypatch.setattr(placement, "anchored", lambda case: (np.eye(3), np.zeros(3)))
+    away = np.median(np.linalg.norm(seen - expected, axis=1))
+    how = f"turned by 90.0 deg and {mistake.length(away)} away"
+    after = "after transforming them, the unloaded reflectors are 2.0 mm from where the robot file"
+    for base, what, more in (
+        ({"B1": (0.0, 0, 0)}, "[base_frame] is", ""),
+        ({}, "without [base_frame] the readings are", "; fill in [base_frame]"),
+    ):
+        (found,) = placement.placement(Some(settings=Some(base_frame=base)))
+        assert found.evidence == (
+            f"{what} in another frame than the one in which the robot file begins, {how}: {after} "
+            "places them"
+        )
+        assert found.correction == f"recomputed with the readings transformed into it{more}"
+        assert (found.name, found.where) == ("sign_or_convention", "base_frame")
+        assert (found.before, found.after) == pytest.approx((1e3 * away, 2.0))
+        np.testing.assert_allclose(found.correct.args[0], turn, atol=1e-12)
+        np.testing.assert_allclose(found.correct.args[1], shift, atol=1e-12)
+    for name, value in (("miss", None), ("miss", GROSS_DISTANCE_M), ("anchored", None),
+                        ("not_rigid", 0.1), ("miss", away / 2.9)):  # fmt: skip
+        with monkeypatch.context() as one:
+            one.setattr(placement, name, lambda case, value=value: value)
+            assert placement.placement(Some(settings=Some(base_frame={}))) == []
+
+
+@pytest.mark.parametrize(("off", "told"), [(GROSS_DISTANCE_M, 1), (0.029, 0), (None, 0)])
+def test_a_column_that_is_copied_over_another_in_words(monkeypatch, off, told):
+    """Of one unit, equal in every row, and the table does not place the reflectors then."""
+    log = LOG.assign(theta3_deg=LOG["theta1_deg"] + [0, 0, 0, 3], r4_m=0.0)
+    log = log.assign(theta5_deg=log["theta3_deg"], r6_m=log["theta3_deg"], r7_m=0.0)
+    columns = [name for name in log if name.endswith(("_deg", "_m"))]
+    monkeypatch.setattr(dead_sensor, "miss", lambda case: off)
+    found = [*dead_sensor._one_column(Some(joints=log, joint_columns=columns))]
+
+    assert len(found) == told
+    for one in found:
+        assert one.evidence == (
+            "j.csv: theta3 and theta5 are equal in every row, and the unloaded reflectors are "
+            "30.00 mm from where the robot file then places them: one column was copied over the "
+            "other"
+        )
+        assert (one.name, one.where, one.hopeless) == ("copied_column", "j.csv theta3/theta5", True)
+        assert (one.before, one.after, one.unit) == (pytest.approx(30.0), 0.0, "mm")
+        assert one.at == tuple(f"j.csv:{k}" for k in range(2, 6))
+        assert one.correction == "nothing can be corrected, the values of one joint were not logged"
+        assert one.correct is mistake.as_it_is
