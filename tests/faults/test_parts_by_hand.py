@@ -1,5 +1,6 @@
 """Parts of the tests of faults, from tables of a few rows and numbers put in by hand."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace as Some
 
 import numpy as np
@@ -21,9 +22,11 @@ from pipeline.faults import (
     unit_since,
 )
 from pipeline.faults.assignment import Ring
+from pipeline.faults.entries import DoubtfulEntry
 from pipeline.machine.effect import HUNG, PULLED
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.measured import STILL_M
+from pipeline.reduction.settings import Scale
 
 XYZ = ["x_m", "y_m", "z_m"]
 
@@ -460,3 +463,29 @@ def test_a_column_that_is_copied_over_another_in_words(monkeypatch, off, told):
         assert one.at == tuple(f"j.csv:{k}" for k in range(2, 6))
         assert one.correction == "nothing can be corrected, the values of one joint were not logged"
         assert one.correct is mistake.as_it_is
+
+
+@dataclass(frozen=True)
+class Filed:
+    """A campaign with nothing but its settings."""
+
+    settings: object
+
+
+@pytest.mark.parametrize("stated", [None, Scale(sigma_n=3.0)])
+def test_forces_that_were_not_logged_are_known_to_their_order_of_magnitude(stated):
+    """Readings and gain to 100 %; whatever else is stated of the scale is kept."""
+    copied = Some(scale=stated, model_copy=lambda update: Some(**update))
+    found = dead_sensor._unlogged(Filed(copied)).settings.scale
+    assert (found.sigma_rel, found.gain_sigma) == (1.0, 1.0)
+    assert found.sigma_n == (stated or Scale()).sigma_n
+
+
+def test_an_entry_has_its_path_and_its_distance():
+    """Of one point by its name; of a table in another unit that of the table."""
+    at = np.array([3e-3, 0.0, 4e-3])
+    one = DoubtfulEntry("tool", ("P1", "P2"), None, np.zeros(3), at, at, 0.9)
+    assert one.path == ["tool", "P1"]
+    assert one.off_m == pytest.approx(5e-3)
+    table = DoubtfulEntry("base_frame", (), "mm", np.zeros(0), np.zeros(0), np.zeros(0), 0.9)
+    assert table.path == ["base_frame"]
