@@ -684,3 +684,38 @@ def test_the_search_states_what_it_left(monkeypatch):
     assert diagnose._of_search(found, True)["settled"]
     found.explains = found.detected = False
     assert diagnose._of_search(found, True)["settled"]
+
+
+@pytest.mark.parametrize(
+    ("estimated", "wrong", "doubted", "beside"),
+    [
+        ("richer", 0, 0, ("richer", "values")),
+        ("richer", 1, 0, ("richer", "values")),
+        ("other", 1, 0, ("springs", "nominal")),
+        (None, 0, 1, ("springs", "nominal")),
+        (None, 0, 0, None),
+        ("other", 0, 0, None),
+    ],
+)
+def test_readings_are_screened_beside_the_causes_that_were_estimated(
+    monkeypatch, estimated, wrong, doubted, beside
+):
+    """Else beside the springs of the file; not again where nothing was wrong beside these."""
+    richer = Some(name="richer", parameters="richer")
+    springs = Some(name="springs", with_effects=lambda *effects: richer)
+    files = Some(case=Some(cell=springs, robot=Some(nominal_compliance="nominal")))
+    estimate = None if estimated is None else Some(parameters=estimated, value="values")
+    held = Some(findings=(1,) * wrong, doubted=(1,) * doubted)
+    said = Some(modelled=("a", "b"), estimate=estimate, seen=Some(suspects="laws"))
+    monkeypatch.setattr(converge, "_tails", lambda files, end: "family")
+    monkeypatch.setattr(converge, "ScreeningBase", lambda *of: of)
+    monkeypatch.setattr(converge, "files_beside", lambda *of: of)
+    monkeypatch.setattr(converge, "singles_of", lambda *of: of)
+    found = converge._screened("case", files, Some(diagnosis=said, screened=held))
+
+    if beside is None:
+        assert found is held
+        return
+    (case, of, base), none, again = found
+    assert (case, of, none, base) == ("case", files, None, again)
+    assert (base[0].name, *base[1:]) == (*beside, "family", "laws")

@@ -27,6 +27,7 @@ from pipeline.machine.effect import HUNG, PULLED
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.measured import STILL_M
 from pipeline.reduction.settings import Scale
+from pipeline.system.simultaneous import cost
 
 XYZ = ["x_m", "y_m", "z_m"]
 
@@ -489,3 +490,25 @@ def test_an_entry_has_its_path_and_its_distance():
     assert one.off_m == pytest.approx(5e-3)
     table = DoubtfulEntry("base_frame", (), "mm", np.zeros(0), np.zeros(0), np.zeros(0), 0.9)
     assert table.path == ["base_frame"]
+
+
+@pytest.mark.parametrize(("with_first", "with_second"), [(200.0, 45.0), (45.0, 200.0)])
+def test_a_motion_is_weighed_beside_the_readings_that_it_needs(with_first, with_second):
+    """It alone explains 40, two readings 50; the one that adds most to the motion stays."""
+    drops = {(): 40.0, (6,): with_first, (9,): with_second, (6, 9): 202.0}
+
+    def parts(which):
+        """Drop of some columns: the motion's first six, and those of readings."""
+        each = []
+        for one in which.tolist():
+            alone = min(one) > 5
+            each.append(50.0 if alone else drops[tuple(k for k in (6, 9) if k in one)])
+        return Some(drop=np.array(each))
+
+    own = np.arange(6, 12).reshape(2, 3)
+    found = reading._as_one(Some(parts=parts), np.arange(6), own, 2.0)
+    each = float(cost(50 / 2 / 2, 3))
+    alone = (40 - 50) / 2 - float(cost(20.0, 6)) + 2 * each
+    both = (200 - 50) / 2 - float(cost(100.0, 6)) + each
+    assert found == pytest.approx(max(alone, both))
+    assert both > alone
