@@ -364,8 +364,7 @@ def _found(cell: Cell, values: Array) -> Tool:
     users who ask for the load point or a target mean the true one. The shift must be constant in
     the flange frame, tested at two poses.
     """
-    apart = np.array([np.zeros(cell.robot.n), np.full(cell.robot.n, 0.7)])
-    pulls = Pulls.at(apart, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))
+    pulls = Pulls.at(np.outer(_TWO_POSES, np.ones(cell.robot.n)), _TWO_FORCES)
     tool, begin = cell.tool, 0
     for effect in cell.effects:
         mine, begin = values[begin : begin + len(effect.parameters)], begin + len(effect.parameters)
@@ -373,8 +372,14 @@ def _found(cell: Cell, values: Array) -> Tool:
             continue
         here = loaded(Cell(cell.robot, tool, (effect,)), pulls, mine)
         ends = np.concatenate([here.load_point[:, None], here.points], axis=1)
-        ends -= here.configuration.flange_origin[:, None]
-        at = ends @ here.configuration.flange_axes
+        at = (ends - here.configuration.flange_origin[:, None]) @ here.configuration.flange_axes
         if np.allclose(here.force, pulls.force) and np.ptp(at, axis=0).max() < NOTHING_M:
             tool = replace(tool, load_point=at[0, 0], points=at[0, 1:])
     return tool
+
+
+_TWO_POSES = np.array([0.0, 0.7])
+"""Value of every joint in two poses that turn the flange [m or rad]."""
+
+_TWO_FORCES = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""Force in each, in two directions [N]."""

@@ -182,3 +182,17 @@ def test_the_scatter_of_half_a_picometre_is_none():
     """In absolute terms, where all variances are that small."""
     tiny = np.array([0.5e-24, 2e-24])[:, None, None] * np.eye(3)
     assert covariance.singular(six(tiny)).tolist() == [True, False]
+
+
+def test_columns_that_share_memory_are_worked_on_once():
+    """Also one alone, and none."""
+    one, other, worked = np.arange(3.0), np.arange(3.0), []
+
+    def work(column):
+        worked.append(column)
+        return float(column.sum())
+
+    assert covariance.each([one, other, one], work) == [3.0, 3.0, 3.0]
+    assert len(worked) == 2
+    assert covariance.each([one], work) == [3.0]
+    assert covariance.each([], work) == []

@@ -247,3 +247,10 @@ def test_springs_that_are_not_clear_have_no_vote(unclear):
     (found,) = reversed_pull(end_for_end(good()), some)
 
     assert "3 of 3 clear compliances" in found.evidence
+
+
+@pytest.mark.parametrize(("clear", "told"), [(3.1, 1), (2.9, 0)])
+def test_three_springs_of_three_standard_uncertainties_tell_a_unit(clear, told):
+    """Forces in kN that were read as N; one of them just below, and two are too few."""
+    relative = np.where(np.arange(7) < 2, 0.01, np.where(np.arange(7) == 2, 1 / clear, 10.0))
+    assert len(force_unit(good(), estimate(1e3, relative))) == told

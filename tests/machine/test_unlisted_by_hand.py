@@ -57,7 +57,7 @@ def test_laws_of_an_angle_are_waves_powers_and_steps():
     every = Counter((one.part, one.kind) for one in unlisted._of_own_angle(pulls(), 3))
     assert every == {("spring", "periodic"): 20, ("spring", "smooth"): 3,
                      ("spring", "step"): CUTS, ("play", "periodic"): 3}  # fmt: skip
-    known = pulls(branch=np.ones(M))
+    known = pulls(branch=np.eye(M)[2])  # of one pull
     parts = Counter(one.part for one in unlisted._of_own_angle(known, 3))
     assert (parts["friction"], parts["play"]) == (3, 3)
     for one in unlisted._of_own_angle(pulls(), 3):
@@ -98,8 +98,13 @@ def test_laws_of_a_torque_have_its_knees():
     assert {(one.low, one.high) for one in every if one.variable == "force"} == {
         (SIZE.min(), SIZE.max())
     }
-    orders = {part: [one.order for one in every if one.part == part] for part in ("spring", "knee")}
-    assert orders == {"spring": [1, 2, 3], "knee": [1] * 5}
+    parts = ("spring", "knee", "knees", "jump", "tips", "bearing_x")
+    orders = {part: [one.order for one in every if one.part == part] for part in parts}
+    assert orders == {
+        "spring": [1, 2, 3], "knee": [1] * 5, "knees": [2] * 4, "jump": [0], "tips": [0],
+        "bearing_x": [1],
+    }  # fmt: skip
+    assert {(one.source, one.variable) for one in every} == {(3, "torque"), (0, "force")}
     for changed in ({"zeros_after": np.eye(M)[0]}, {"pose": np.r_[1, 1, 3 : M + 1]}):
         slips = [one for one in unlisted._of_torques(pulls(**changed), tau, 3)
                  if one.part == "slips"]  # fmt: skip
@@ -138,7 +143,10 @@ def test_laws_of_time_position_and_force():
     jumps = [*unlisted._jumps(pulls(), "zero", 1.0)]
     each = np.sort(SIZE)
     np.testing.assert_allclose([one.at for one in jumps], (each[2:7] + each[3:8]) / 2)
-    assert {(one.where, one.part, one.order) for one in jumps} == {("scale", "zero", 1.0)}
+    told = {(one.where, one.part, one.order, one.source) for one in jumps}
+    assert told == {("scale", "zero", 1.0, 0)}
+    assert {(one.where, one.source) for one in force} == {("scale", 0)}
+    assert {(one.where, one.source, one.order) for one in since} == {(3, 0, 1.0)}
 
 
 def test_all_laws_of_a_campaign_are_those_of_its_places():

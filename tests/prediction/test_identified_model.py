@@ -189,6 +189,17 @@ def test_what_is_smaller_than_a_nanometre_is_no_displacement() -> None:
     assert np.isinf(one.through(A)[:, 0, 0]).tolist() == [False, True]
 
 
+def test_an_unknown_that_does_not_act_adds_nothing_to_what_does() -> None:
+    """Whatever its covariance with the others: 1e-3 of a compliance moves by its own variance."""
+    cov = hypothesis(6).cov.copy()
+    cov[2, 2] = np.inf
+    A = np.zeros((1, 1, 7))
+    A[0, 0, 1], A[0, 0, 2] = 1e-3, 0.5e-9 / CELL.parameters[2].typical
+    found = replace(hypothesis(6), cov=cov).through(A)
+
+    np.testing.assert_allclose(found, 1e-6 * cov[1, 1], rtol=1e-9)
+
+
 def test_only_what_the_machine_does_is_handed_over() -> None:
     """Scale, tracker and noise are left out with their rows and columns; the rest in its order."""
     by = {one.name: one for one in EVERY}
