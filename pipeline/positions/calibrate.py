@@ -139,8 +139,11 @@ class Calibration(Locked):
 
     @cached_property
     def cov(self) -> Array:
-        """Covariance of the parameters, including the uncertainty of the scales of their priors."""
-        return self.solution.cov + of_scales(self.known, self.solution)
+        """Covariance of the parameters, including the uncertainty of the scales of their priors.
+
+        These are those of masses held, whose common factor is uncertain in any case.
+        """
+        return self.solution.cov + of_scales(self.known, self.by_readings)
 
     @cached_property
     def held(self) -> Array:

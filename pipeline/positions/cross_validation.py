@@ -119,26 +119,36 @@ class LeftOutPoses:
         return near, far
 
     def carries(self, found: Calibration, part: slice, once: bool = False) -> bool:
-        """Whether both errors certainly fall."""
-        return all(gain.sure for gain in self.gains(found, part, once))
+        """Whether both errors certainly fall, each over its standard uncertainty.
+
+        In metres, a few poses that the others hardly determine would decide alone.
+        """
+        ways = Partition.BETWEEN, self._far(once)
+        return all(self._gain(found, one, part, weighed=True).sure for one in ways)
 
     def as_good(self, one: Calibration, other: Calibration) -> bool:
-        """Whether the first predicts held-out poses as well as the second, within chance."""
-        return self._less(one, other, self._far())[1] >= 0
+        """Whether the first predicts held-out poses as well as the second, within chance.
+
+        Errors count over their standard uncertainty, of which both estimates have a part.
+        """
+        parts = [LeftOut(found, self._parts[self._far()]) for found in (other, one)]
+        std = np.hypot(*(part.std for part in parts))
+        before, after = (part.errors() for part in parts)
+        return self._compared(one.readings, before, after, std).ci95[1] >= 0
 
     def better(self, one: Calibration, other: Calibration) -> bool:
         """Whether the first certainly predicts held-out stations or parts of joint space better."""
         at = Partition.STATION if Partition.STATION in self._parts else Partition.SPACE
-        return self._less(one, other, at)[0] > 0
+        errors = (left_out.errors(found, self._parts[at]) for found in (other, one))
+        return self._compared(one.readings, *errors).ci95[0] > 0
 
-    def _less(
-        self, one: Calibration, other: Calibration, parting: Partition
-    ) -> tuple[float, float]:
-        """Confidence interval of the relative reduction of the error by the first."""
-        errors = (left_out.errors(found, self._parts[parting]) for found in (other, one))
-        return self._compared(one.readings, *errors).ci95
-
-    def _gain(self, found: Calibration, parting: Partition, without: slice | Ints) -> LeftOutGain:
+    def _gain(
+        self,
+        found: Calibration,
+        parting: Partition,
+        without: slice | Ints,
+        weighed: bool = False,
+    ) -> LeftOutGain:
         if self._made[0] is not found:
             self._made = found, {}
         known = self._made[1]
@@ -146,12 +156,19 @@ class LeftOutPoses:
             parts = LeftOut(found, self._parts[parting])
             known[parting] = parts, parts.errors()
         parts, with_it = known[parting]
-        return self._compared(found.readings, parts.errors(without), with_it)
+        std = parts.std if weighed else None
+        return self._compared(found.readings, parts.errors(without), with_it, std)
 
-    def _compared(self, readings: PositionReadings, before: Array, after: Array) -> LeftOutGain:
-        """Gain from errors (m, 6 t) of left-out targets, of which the positions count."""
+    def _compared(
+        self, readings: PositionReadings, before: Array, after: Array, std: Array | None = None
+    ) -> LeftOutGain:
+        """Gain from errors (m, 6 t) of left-out targets, of which the positions count.
+
+        The interval is that of errors over `std` where it is given.
+        """
         seen = np.tile(np.arange(6) < 3, before.shape[1] // 6) & readings.read
         block = np.broadcast_to(law_tests.blocks(readings)[:, None], seen.shape)[seen]
         before, after = before[seen], after[seen]
-        _, ci95 = interval(before, after, block, self._rng)
+        size = np.ones(len(before)) if std is None else std[seen]
+        _, ci95 = interval(before / size, after / size, block, self._rng)
         return LeftOutGain(linear.rms(before), linear.rms(after), ci95)

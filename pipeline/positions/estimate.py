@@ -286,6 +286,12 @@ class Posterior(Locked):
         var[len(var) - len(self.knots) :] += np.diag(self.knots)
         return np.asarray(var)
 
+    def times(self, g: Array) -> Array:
+        """Covariance of the parameters times a vector (size,)."""
+        out, k = self.root @ (self.root.T @ g), len(self.knots)
+        out[len(g) - k :] += self.knots @ g[len(g) - k :]
+        return np.asarray(out)
+
     def of(self, part: slice) -> Array:
         """Covariance of the parameters in a slice."""
         first, end, _ = part.indices(len(self.x))
@@ -433,11 +439,15 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior, hung: bo
     together would determine that factor, and so would the torque at which a gear's play is assumed
     to close, but nobody knows it. Along v, which holds the compliances and minus the moments, the
     readings give the information v'X'X v where known payloads are `hung`; otherwise its standard
-    deviation is `_FACTOR`. The rows must be linearised where v is taken: elsewhere v moves targets,
-    by a factor of three.
+    deviation is `_FACTOR`, and v - C X'X v takes its place: a torque that does not fall with the
+    masses, as at a bound, would else move targets that all other parameters can put back, C being
+    the posterior covariance. The rows must be linearised where v is taken: elsewhere v moves
+    targets, by a factor of three.
     """
     v = softened(mechanism)
     var = 1 / (hung * float(v @ rows.N @ v) + _FACTOR**-2)
+    if not hung:
+        v = v - found.times(rows.N @ v)
     return replace(found, root=np.column_stack([found.root, np.sqrt(var) * v]))
 
 

@@ -161,9 +161,7 @@ def with_laws(
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = LeftOutPoses(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
-    curved = {joint + 1 for joint, _ in found.wanted.curves}
-    others = [law for law in every if law.joint not in curved or not _own_angle(law)]
-    found, further = _of_all_else(data, found, others, signs, judge)
+    found, further = _of_all_else(data, found, every, signs, judge)
     found = _of_outputs(data, found, judge)
     p |= further
     found, was = _of_shafts(data, found)

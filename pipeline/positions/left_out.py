@@ -7,6 +7,7 @@ sums over the others.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -14,7 +15,14 @@ from scipy.spatial import cKDTree
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.positions.calibrate import Calibration
-from pipeline.positions.estimate import FIXED_SIGMA, ReadRows, factored, padded, precision
+from pipeline.positions.estimate import (
+    FIXED_SIGMA,
+    Posterior,
+    ReadRows,
+    factored,
+    padded,
+    precision,
+)
 from pipeline.positions.mechanism import frame_of
 from pipeline.positions.readings import PositionReadings
 
@@ -68,6 +76,20 @@ class LeftOut:
             for frame, mine in one.alone:
                 e = _aligned(one.own.D[:, :, frame], e, mine)
             out[one.mine] = self._found.linear.spread((one.own.L @ e[..., None])[..., 0])
+        return out
+
+    @cached_property
+    def std(self) -> Array:
+        """Standard uncertainty of each left-out reading minus its prediction, (m, 6 t), F_b.
+
+        V = L (1 + X C X') L', with C the covariance of the estimate without the part.
+        """
+        out = np.zeros(self._found.linear.y.shape)
+        for one in self._parts:
+            own, none = one.own, np.zeros((one.own.knots, one.own.knots))
+            held = own.variance(Posterior(one.x, one.known.root, none, 0.0))
+            var = np.einsum("mij,mjk,mik->mi", own.L, np.eye(held.shape[1]) + held, own.L)
+            out[one.mine] = self._found.linear.spread(np.sqrt(var))
         return out
 
 

@@ -537,7 +537,8 @@ def derivatives(
     if stand.balancer.any():
         turned = stand.yields.by_balancer(stand.borne, mechanism.yields) / mechanism.springs
         turned *= stand.balancer.any(axis=0)
-    D[..., where.compliance] = Z * (stand.tau - turned * stand.balancer)[:, None, :]
+    stiffer = turned * stand.balancer * (mechanism.compliance == mechanism.springs)
+    D[..., where.compliance] = Z * (stand.tau - stiffer)[:, None, :]
     mass, centre = weights.at_poses(mechanism.payload)
     if len(mechanism.payload):
         torques = payload_torques(here, weights.gravity, mass, centre)

@@ -1,12 +1,16 @@
 """Left-out poses are predicted as by an estimate repeated from all others."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from made_positions import made, weightless
 
 from pipeline.machine.robot import load
 from pipeline.positions import calibrate as estimates
+from pipeline.positions import cross_validation
 from pipeline.positions.calibrate import ModelStructure, calibrate, tried
+from pipeline.positions.cross_validation import LeftOutPoses, Partition
 from pipeline.positions.estimate import precision
 from pipeline.positions.initial import begin
 from pipeline.positions.laws import JointLaw
@@ -27,14 +31,20 @@ def found():
     return calibrate(begun, readings, weights, wanted, start(robot, None))
 
 
-def anew(found, mine, held):
-    """Whitened errors of some poses from ordinary least squares of all others and the prior."""
-    rows, (P, _) = found.rows, precision(found.mechanism, found.known)
-    size, dense = len(P), rows.D.shape[2]
-    X = np.zeros((*rows.y.shape, size))
+def columns(found):
+    """Whitened derivatives by all parameters, (m, r, size)."""
+    rows, dense = found.rows, found.rows.D.shape[2]
+    X = np.zeros((*rows.y.shape, dense + rows.knots))
     X[..., :dense] = rows.D
     for pose, knots in enumerate(rows.at):
         X[pose][:, dense + knots] += rows.K[pose]
+    return X
+
+
+def anew(found, mine, held):
+    """Whitened errors of some poses from ordinary least squares of all others and the prior."""
+    rows, X, (P, _) = found.rows, columns(found), precision(found.mechanism, found.known)
+    size = len(P)
     root, mean = np.linalg.cholesky(P).T, np.zeros(size)
     mean[: len(found.known.mean)] = found.known.mean
     free = np.setdiff1d(np.arange(size), np.arange(size)[held])
@@ -63,6 +73,55 @@ def test_left_out_errors_are_those_of_an_estimate_from_the_others(found, which):
         assert np.einsum("mij,mj->mi", W, there) == pytest.approx(
             anew(found, mine, held), rel=1e-6, abs=1e-6
         )
+
+
+def test_left_out_readings_are_as_uncertain_as_by_the_others(found):
+    """Noise of the reading, and of an estimate from the others, by the inverse of all at once."""
+    part, X, W = by_turns(found.readings, 4), columns(found), found.rows.W
+    P = precision(found.mechanism, found.known)[0]
+
+    said = LeftOut(found, part).std[:, found.linear.used]
+
+    for k in range(4):
+        mine = part == k
+        A = np.einsum("mri,mrj->ij", X[~mine], X[~mine]) + P
+        size = np.sqrt(np.diag(A))
+        C = np.linalg.inv(A / np.outer(size, size)) / np.outer(size, size)
+        V = np.eye(X.shape[1]) + X[mine] @ C @ np.swapaxes(X[mine], 1, 2)
+        L = np.linalg.inv(W[mine])
+        V = L @ V @ np.swapaxes(L, 1, 2)
+        assert said[mine] ** 2 == pytest.approx(np.einsum("mii->mi", V), rel=1e-5)
+
+
+class Predicted:
+    """Left-out errors that fall by a tenth, but grow at the six poses that are hardly known."""
+
+    far = np.arange(60) % 10 == 9
+
+    def __init__(self, found, part):
+        self.better = found.better
+        self.std = np.where(self.far, 3e-3, 1e-5)[:, None] * np.ones(6)
+
+    def errors(self, without=None):
+        """Errors with a law, or without it (m, 6)."""
+        after = without is None and self.better
+        near = np.random.default_rng(5).normal(0.0, 1e-5, (60, 6)) * (0.9 if after else 1.0)
+        far = np.random.default_rng(6).normal(0.0, 3e-3, (60, 6)) * (1.01 if after else 1.0)
+        return np.where(self.far[:, None], far, near)
+
+
+def test_poses_that_are_hardly_known_do_not_decide_on_a_law(monkeypatch):
+    """Errors count over their standard uncertainty: a law that is there carries, and stays."""
+    monkeypatch.setattr(cross_validation, "LeftOut", Predicted)
+    readings = made(60, np.random.default_rng(3))
+    with_it, without = (SimpleNamespace(readings=readings, better=one) for one in (True, False))
+    parts = dict.fromkeys((Partition.BETWEEN, Partition.SPACE), by_turns(readings))
+    judge = LeftOutPoses(parts, np.random.default_rng(4))
+
+    assert judge.carries(with_it, slice(0, 2))
+    assert not judge.carries(without, slice(0, 2))
+    assert judge.as_good(with_it, without)
+    assert not judge.as_good(without, with_it)
 
 
 def test_what_is_asked_once_is_asked_the_same(found):

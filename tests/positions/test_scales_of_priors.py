@@ -1,9 +1,14 @@
 """An estimated scale of a prior is uncertain, and so is what the prior holds near zero."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from pipeline.positions.estimate import Prior, ReadRows, _solve, of_scales
+from pipeline.positions import estimate
+from pipeline.positions.calibrate import Calibration
+from pipeline.positions.estimate import Prior, ReadRows, _solve, by_a_factor, of_scales
 
 
 def estimated(N, b, scale):
@@ -29,6 +34,45 @@ def test_an_estimate_moves_with_the_scale_as_stated():
 
     expected = np.outer(moved, moved) / (2 * np.trace(seen @ seen) + 1.4**-2)
     assert of_scales(known, found) == pytest.approx(expected, rel=1e-6, abs=1e-12)
+
+
+def read(rng):
+    """Readings of four parameters, and an estimate from them."""
+    X = rng.standard_normal((30, 4))
+    known, found = estimated(X.T @ X, X.T @ rng.standard_normal(30), 0.2)
+    return X, known, found
+
+
+def test_scales_move_no_common_factor_of_masses():
+    """It is uncertain by itself; a scale that took it along made targets uncertain by 0.8 mm."""
+    _, known, found = read(np.random.default_rng(7))
+    v = np.array([3.0, -2.0, 4.0, 5.0])
+    loose = replace(found, root=np.column_stack([found.root, v]))
+
+    cov = Calibration.cov.func(SimpleNamespace(solution=loose, by_readings=found, known=known))
+
+    expected = found.cov + np.outer(v, v) + of_scales(known, found)
+    assert cov - np.outer(v, v) == pytest.approx(expected - np.outer(v, v), abs=1e-9)
+
+
+@pytest.mark.parametrize("hung", [False, True])
+def test_a_common_factor_of_masses_moves_no_target_that_was_read(monkeypatch, hung):
+    """Where something does not fall with the masses, all else puts the targets back.
+
+    Under a known payload it does move them, and is known from there.
+    """
+    X, _, found = read(np.random.default_rng(8))
+    X[:, 3] = X[:, 0]  # softer by one, heavier by the other
+    known = replace(found, root=_solve(X.T @ X, np.zeros(4), 0.0, (1e-6 * np.eye(4), 0.0),
+                                       np.zeros(4), 0).root)  # fmt: skip
+    v = np.array([1.0, 0.0, 0.05, -1.0])
+    monkeypatch.setattr(estimate, "softened", lambda _: v)
+
+    one = by_a_factor(SimpleNamespace(N=X.T @ X), None, known, hung).root[:, -1]
+
+    held = 1 / np.sqrt(hung * v @ X.T @ X @ v + 1.1**-2)
+    assert one[[0, 3]] == pytest.approx(held * v[[0, 3]], abs=0.05)
+    assert bool(np.linalg.norm(X @ one) < 1e-4 * np.linalg.norm(X @ v)) is not hung
 
 
 def test_knots_eliminated_first_leave_the_estimate_as_it_is():

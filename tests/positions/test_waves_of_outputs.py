@@ -164,3 +164,32 @@ def test_laws_begin_with_the_amplitudes_that_they_have():
 
     assert _amplitudes(begun, wanted).tolist() == [0.0, 5.0, 6.0, 1.0, 2.0]
     assert _amplitudes(none, wanted).tolist() == [0.0] * 5
+
+
+def test_waves_are_sought_beside_the_curve_of_their_joint(monkeypatch):
+    """A curve between few poses contains none of forty periods per turn, and hid it."""
+    sought = []
+    waves = [JointLaw(3, "periodic", "angle", 3, 40.0), JointLaw(2, "periodic", "angle", 2, 3.0)]
+    curved = Fit(ModelStructure(curves=((2, 0.2),)))
+
+    def of_all_else(data, found, others, *_):
+        sought.extend(others)
+        return found, {}
+
+    for name, stub in {
+        "replace": lambda one, **_: one,
+        "rail": lambda _: False,
+        "law_tests": SimpleNamespace(flips=lambda *_, **__: None, law_tests=lambda *_: []),
+        "_candidates": lambda *_: waves,
+        "_of_own_angles": lambda *_: (curved, {}),
+        "_of_all_else": of_all_else,
+        "_of_outputs": lambda _, found, __: found,
+        "_of_shafts": lambda _, found: (found, {}),
+        "_by_copies": lambda *_: {},
+        "_named": lambda *_: (),
+        "causes": lambda *_: (),
+    }.items():
+        monkeypatch.setattr(joint_laws, name, stub)
+    joint_laws.with_laws(SimpleNamespace(readings=None), curved, (), {}, None)
+
+    assert sought == waves
