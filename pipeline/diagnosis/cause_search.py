@@ -34,7 +34,7 @@ _BETTER = 0.1
 rounding, stay."""
 
 _MOVES = 12
-"""Maximum number of successive exchanges; the evidence grows with each, so few are made."""
+"""Maximum number of exchanges that are tried in turn."""
 
 _FIRST = 12
 """Number of the likeliest causes tried as the first of a pair, with every other one as the second:
@@ -393,8 +393,8 @@ def _fewer(task: SearchTask, end: _Stand, limit: Threshold, refused: dict[str, N
         seen = _dropped(task, seen)
     if set(seen.model.accepted) == set(end.seen.model.accepted):
         return end
-    other = _stand(task, seen, seen.model.accepted)
-    return max(end, other, key=lambda one: _worth(task, one.plain))
+    both = end, _stand(task, seen, seen.model.accepted)
+    return max(both, key=lambda one: _worth(task, one.plain))
 
 
 def _worth(task: SearchTask, view: Whitened) -> float:
@@ -511,19 +511,23 @@ _SLACK = 0.3
 def _exchange(task: SearchTask, seen: Linearised, limit: float = 0.0) -> Linearised:
     """Exchange and drop accepted causes until no move improves the evidence.
 
+    What a move promises where the campaign is linearised it must keep where it is linearised anew:
+    beside a gross mistake it promised 60 and lost 80, twelve times in a row.
+
     Args:
         task: What stays the same during the search.
         seen: The campaign linearised at the initial causes.
         limit: P-value that each of two causes must reach given the other to take the place of one.
     """
-    tried = {frozenset(seen.model.accepted)}
+    tried, view = {frozenset(seen.model.accepted)}, task.whitened(seen)
     for _ in range(_MOVES):
-        view = task.whitened(seen)
         better = _better(task, view, tried, limit)
         if better is None:
-            return seen
+            break
         tried.add(frozenset(better))
-        seen = task.fitted(better, _solved(view)[: view.springs], seen)
+        there = task.fitted(better, _solved(view)[: view.springs], seen)
+        if _worth(task, after := task.whitened(there)) > _worth(task, view):
+            seen, view = there, after
     return seen
 
 
@@ -633,10 +637,9 @@ def _in_pairs(
 def _leading(task: SearchTask, now: Scores, free: Sequence[int]) -> list[int]:
     """The likeliest causes, each in its best form."""
     best: dict[str, int] = {}
-    allowed = set(free)
-    for i in _likeliest(now).tolist():
-        if i in allowed:
-            best.setdefault(task.suspects[i].label, i)
+    ordered = _likeliest(now)
+    for i in ordered[np.isin(ordered, free)].tolist():
+        best.setdefault(task.suspects[i].label, i)
     return list(best.values())[:_FIRST]
 
 
