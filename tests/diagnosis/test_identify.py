@@ -1,10 +1,22 @@
 """The search on linear campaigns: causes join, are exchanged, dropped; odds by quadrature."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from linear_campaign import FREE, SPRINGS, LinearTask, Seen, left, made, suspect, task_of
+from linear_campaign import (
+    EACH,
+    FREE,
+    POSES,
+    SPRINGS,
+    STD_M,
+    LinearTask,
+    Seen,
+    left,
+    made,
+    suspect,
+    task_of,
+)
 from scipy import integrate, stats
 
 from pipeline.diagnosis import cause_search
@@ -178,6 +190,31 @@ def test_one_that_is_no_longer_needed_is_dropped():
     assert better(3, 0, 2, tried={frozenset({0, 2})}) != (0, 2)
     assert better(1) == (3,)
     assert better(1, tried={frozenset({3})}) in ((0,), (2,))
+
+
+@dataclass(frozen=True, eq=False)
+class _Bent(LinearTask):
+    """Two causes that explain little once the campaign is linearised at what they are."""
+
+    broken: frozenset = frozenset()
+
+    def whitened(self, seen, doubt=(), in_each=True):
+        if frozenset(seen.model.accepted) != self.broken:
+            return super().whitened(seen)
+        bent = self.truth.c + 30 * STD_M * np.random.default_rng(5).standard_normal(POSES * EACH)
+        return replace(self.truth, c=bent).view(seen.model.accepted)
+
+
+@pytest.mark.parametrize("broken", [frozenset(), frozenset({0, 2})])
+def test_a_move_must_gain_where_it_is_linearised_anew(broken):
+    """What it promised where it was chosen is not enough; other moves from there are tried."""
+    suspects = (*SUSPECTS[:3], suspect("mix", FREE))
+    truth = made(np.random.default_rng(4), suspects, {0: [2.5], 2: [2.5]}, mixed={3: (0, 2)})
+    task = _Bent(**vars(task_of(truth)), broken=broken)
+
+    end = cause_search._exchange(task, task.fitted((3,), np.zeros(0)), 1e-3).model.accepted
+
+    assert {*end} == ({3} if broken else {0, 2})
 
 
 MIXED = tuple(suspect(name, FREE) for name in ("a", "b", "c", "ab", "bc", "ac", "d", "e"))

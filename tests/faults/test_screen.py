@@ -24,7 +24,10 @@ class Bench:
 
     wrong: tuple[str, ...]
     settings: object = field(default_factory=lambda: SimpleNamespace(displacements=None))
-    robot: object = field(default_factory=lambda: SimpleNamespace(nominal_compliance=np.ones(2)))
+    robot: object = field(
+        default_factory=lambda: SimpleNamespace(nominal_compliance=np.ones(2), n=2)
+    )
+    anchors: dict = field(default_factory=dict)
     cell: object = field(default_factory=lambda: Cell())
 
     @property
@@ -59,12 +62,21 @@ def mistake(name):
     )  # fmt: skip
 
 
+def determined_if(monkeypatch, enough):
+    """Let what a campaign is reduced to determine something where `enough` of it holds."""
+
+    def bring(case):
+        return SimpleNamespace(data=SimpleNamespace(enough=lambda _: enough(case)))
+
+    monkeypatch.setattr(module, "bring", bring)
+
+
 @pytest.fixture
 def tests(monkeypatch):
     """Replace the real tests; each finds the mistakes of its letter."""
     calls = []
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
-    monkeypatch.setattr(module, "_has_redundancy", lambda _: True)
+    determined_if(monkeypatch, lambda _: True)
     monkeypatch.setattr(module, "misfit", lambda _: np.nan)
 
     def put(*letters, **more):
@@ -130,7 +142,7 @@ def test_after_each_finding_the_grossest_test_is_asked_first(tests):
 def test_a_mistake_that_would_leave_nothing_stays_and_is_said_to(tests, monkeypatch):
     """The campaign unchanged, with a finding that nothing corrects; no test repeats for ever."""
     calls = tests("F", "a")
-    monkeypatch.setattr(module, "_has_redundancy", lambda case: len(case.wrong) > 0)
+    determined_if(monkeypatch, lambda case: len(case.wrong) > 0)
 
     got = screen(Bench(("a1",)), object())
 
