@@ -28,6 +28,7 @@ from pipeline.machine.effects import (
     scale_hysteresis,
     target_moved,
 )
+from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.weight import gravity_torque
 
@@ -528,3 +529,19 @@ def test_a_tracker_drifts_steadily_or_until_it_is_warm():
         warm = drifts[form].observe(None, points, time, v)
         np.testing.assert_allclose(warm[0], [(1 - np.exp(-1 / hours)) * v] * 2)
         assert not warm[1:].any()
+
+
+def test_without_times_a_tracker_drifts_from_group_to_group():
+    """As if a group of readings took a hundred seconds; what settles with time is left out."""
+    kept = by_order(EVERY)
+    (drift,) = [one for one in kept if one.name == "tracker_drift"]
+    assert [one for one in kept if one is not drift] == [
+        one for one in EVERY if one.name != "tracker_drift"
+    ]
+    for parameter in drift.parameters:
+        assert parameter.unit == "m/group"
+        assert parameter.typical == pytest.approx(100 * 4e-5 / 3600)
+        assert (parameter.lower, parameter.upper) == pytest.approx((-3e-5, 3e-5))
+    v, points = np.array([1e-6, -2e-6, 3e-6]), np.zeros((2, 1, 3))
+    moved = drift.observe(None, points, np.array([200.0, np.nan]), v)
+    np.testing.assert_allclose(moved, [[2 * v], [0 * v]])
