@@ -23,7 +23,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue, joint_offset, table
-from pipeline.machine.effects.unlisted import AMPLITUDE, NAME
+from pipeline.machine.effects.unlisted import NAME
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
@@ -159,7 +159,8 @@ def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
         return FoundCause(zero, 1.0, (size,), law.p, gain=_gain(law.gain))
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
-    parameter = Parameter("amplitude", unit, START[slides], meaning=AMPLITUDE)
+    meaning = f"amplitude of the {_noun(law, robot)} in {{joint}}"
+    parameter = Parameter("amplitude", unit, START[slides], meaning=meaning)
     height = EffectSize.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
     return FoundCause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)

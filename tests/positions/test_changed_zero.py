@@ -1,4 +1,4 @@
-"""A joint's zero that changed in a campaign of positions: what it is called, and whose table."""
+"""What a law of a joint's positions is called: a zero that changed, a wave, a curve."""
 
 import numpy as np
 import pytest
@@ -28,6 +28,22 @@ def test_a_step_in_time_is_a_zero_that_changed(series, form):
     assert found.amplitudes[0].value == -1.5e-3
     (said,) = _named([found])
     assert said.startswith(f"Zero that changed at pose {form} in joint 4 (wrist_1_joint), -1.5")
+
+
+@pytest.mark.parametrize(
+    ("kind", "source", "order", "said"),
+    [
+        ("periodic", 3, 2.0, "ripple of 2.00 per turn"),
+        ("smooth", 3, 4.0, "smooth error over its angle"),
+        ("coupling", 5, 1.0, "motion 1.0 per turn of joint 5"),
+    ],
+)
+def test_each_amplitude_has_the_name_of_its_law_and_joint(kind, source, order, said):
+    """A list of amplitudes of laws tells nobody which of them is which."""
+    law = NamedLaw(3, kind, "angle", source, order, 4e-4, 2e-5, (-2.0, 2.0), number=0)
+    (one,) = _cause(law, load("ur5e")).amplitudes
+    meaning = one.parameter.meaning.format(joint="elbow_joint")
+    assert meaning == f"amplitude of the {said} in elbow_joint"
 
 
 def test_the_table_is_that_of_the_robot_since():
