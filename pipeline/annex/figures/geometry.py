@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,13 @@ from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, each_row, has
-from pipeline.report.svg import GRID, SERIES
+from pipeline.report.svg import GRID, MUTED, SERIES
 
 _BETWEEN = "every tenth pose"
 """Name of the partition into held-out poses that is drawn."""
+
+_OF_STEPS = (MUTED, *SERIES)
+"""Colours of the models, that of the nominal table first."""
 
 
 def _models(tables: Tables) -> list[str]:
@@ -36,7 +40,7 @@ def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Draw the share of held-out targets within a distance of their prediction, per model."""
     axes = canvas.subplots()
     tips: Tips = {}
-    for k, (model, colour) in enumerate(zip(_models(tables), SERIES, strict=False)):
+    for k, (model, colour) in enumerate(zip(_models(tables), cycle(_OF_STEPS), strict=False)):
         tips |= cumulative(
             axes,
             f"step-{k}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -56,7 +57,8 @@ def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips
     axes = canvas.subplots()
     axes.axhline(0, color=MUTED, linewidth=0.8)
     tips: Tips = {}
-    for (axis, part), colour, marker in zip(points.groupby("axis"), SERIES, MARKERS, strict=False):
+    styles = zip(cycle(SERIES), cycle(MARKERS), strict=True)  # six axes where poses are read as one
+    for (axis, part), (colour, marker) in zip(points.groupby("axis"), styles, strict=False):
         texts = [
             f"{_coordinate(r)}: {plain(r.mm)} mm at {plain(r.force_n)} N" for r in each_row(part)
         ]
