@@ -73,6 +73,7 @@ def project(tmp_path_factory, small_plan):
     return root
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
     """After a run there is a page with links to the page of each campaign."""
@@ -86,6 +87,7 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
     assert read(find(project, "spring")).robot_unit.serial == "4711"
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_the_later_report_says_what_changed_since_the_earlier_one(project):
     """The later campaign has the column; the earlier one has no predecessor to compare with."""
@@ -95,6 +97,7 @@ def test_the_later_report_says_what_changed_since_the_earlier_one(project):
     assert "Change since" not in pages["spring"]
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_the_campaign_before_is_found_without_reading_all(project, tmp_path, monkeypatch):
     """Of one machine with ten earlier days, and another of its type, only one answer is read."""
@@ -128,6 +131,7 @@ def leads(page):
     return {unquote(link) for link in found if not link.startswith("data:")}
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_every_link_leads_to_a_file(project):
     """To PDF, tables and models of a page, to all campaigns and to the previous one."""
@@ -142,6 +146,7 @@ def test_every_link_leads_to_a_file(project):
             assert (page.parent / link).is_file(), (page, link)
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
@@ -163,6 +168,7 @@ def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
     assert "results.xlsx" not in leads(page)
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_nothing_is_written_a_second_time(project):
     """A second run finds everything up to date and touches no file; all campaigns count as done."""
@@ -174,6 +180,7 @@ def test_nothing_is_written_a_second_time(project):
     assert [outcome.content["state"] for outcome in states(project)] == ["done", "done"]
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_report_is_drawn_once(project, tmp_path):
@@ -186,6 +193,7 @@ def test_a_report_is_drawn_once(project, tmp_path):
     assert "Change since spring [%]" in page
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
@@ -201,6 +209,7 @@ def test_the_order_of_the_runs_does_not_matter(project, tmp_path):
     assert contents(tmp_path) == contents(project)
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
@@ -218,6 +227,7 @@ def test_a_campaign_run_by_path_is_told_too(project, tmp_path, small_plan):
     assert 'href="winter/index.html"' in (reports / "index.html").read_text("utf-8")
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, small_plan):
@@ -234,6 +244,7 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
     assert 'href="winter/index.html"' in page
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
@@ -285,6 +296,7 @@ def test_a_result_that_lacks_what_is_needed_is_refused_in_a_sentence(tmp_path, s
         read(campaign)
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, capsys):
@@ -304,6 +316,7 @@ def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, ca
     ]
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_report_gives_every_form(project, capsys):
     """`pipeline report` prints the path of page, PDF or data, or the report itself as text."""
@@ -319,6 +332,7 @@ def test_report_gives_every_form(project, capsys):
     assert capsys.readouterr().out.strip() == str(project / "reports" / "index.html")
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 @pytest.mark.parametrize(("form", "file"), [("html", "index.html"), ("pdf", "report.pdf")])
 def test_a_further_certificate_lies_beside_the_report(project, form, file, capsys):
@@ -337,6 +351,7 @@ def test_a_further_certificate_lies_beside_the_report(project, form, file, capsy
     assert (project / "reports" / "spring" / file).read_bytes() == before
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_compare_says_how_two_campaigns_differ(project, capsys):
     """As text, data and page; the data are those of the two results."""
@@ -375,6 +390,7 @@ def test_compare_says_how_two_campaigns_differ(project, capsys):
         (["report", "spring", "--format", "json", "--language", "fr"], "or ask for pdf"),
     ],
 )
+@pytest.mark.whole
 @pytest.mark.xdist_group("archive")
 def test_what_cannot_be_done_is_said(project, capsys, words, said):
     """A wrong word gives one sentence and exit code 2."""
@@ -414,6 +430,7 @@ def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
     assert said[0].startswith("b has a result of an earlier version")
 
 
+@pytest.mark.whole
 @pytest.mark.slow
 def test_wear_is_said_by_the_newest_report_and_on_the_terminal(project, tmp_path, capsys):
     """In one sentence each; the page over all campaigns begins with it, and nothing is redrawn."""

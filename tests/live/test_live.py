@@ -72,6 +72,7 @@ def spoilt():
     return LiveState("demo").look(table(*lines), 0.0)
 
 
+@pytest.mark.whole
 def test_a_wide_reading_is_told_at_once_by_its_name(spoilt):
     (suspect,) = spoilt.suspects
     line = 1 + len([TITLES, *BASE, *of_pose(1), *of_pose(2), *steps(3)[0], *steps(3)[1]])
