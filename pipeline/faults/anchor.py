@@ -56,7 +56,7 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
         fits = left[best] <= CLEARLY_NEARER**2 * usual[i]
         if fits and CLEARLY_NEARER**2 * left[best] < left[second] and best < len(others):
             there = int(others[best])
-            says = _stated(asked, int(place[i]), there) if len(stated) else _read(asked.case, there)
+            says = _said(asked.case, int(place[i]), there)
             found += [_finding(asked, moved, i, says, at[there], given[i], left[best])]
     return found
 
@@ -87,20 +87,18 @@ def _ends(asked: Screening, moved: PullMoves, stated: Array) -> tuple[Array, Int
     return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
 
 
-def _stated(asked: Screening, own: int, there: int) -> str:
-    """The anchor that a row of the log names, and the one that fits, in words."""
-    names = [*asked.case.settings.anchors]
-    return f"{names[own]}, as its row says, probably {names[there]}"
-
-
-def _read(case: Case, place: int) -> str:
-    """The place at which a chain was read to end, and pulls that end at the one that fits."""
+def _said(case: Case, own: int, there: int) -> str:
+    """The anchor that is written down for a pull, and the one that fits, in words."""
+    if case.anchors:
+        names = [*case.settings.anchors]
+        return f"{names[own]}, as its row says, probably {names[there]}"
     end, where = case.settings.naming.chain[1], anchors(case)
     known = np.unique(where["place"][where["anchor"]])
     rows = case.readings[(case.readings["state"] == "loaded") & (case.readings["target"] == end)]
-    there = rows[rows["group"].isin(where.index[where["place"] == known[place]])]
-    others = listed(there["group"].astype(str), 3)
-    return f"its {end} says, that of {others} ({lines_of(there)[0]})"
+    others = rows[rows["group"].isin(where.index[where["place"] == known[there]])]
+    return (
+        f"its {end} says, that of {listed(others['group'].astype(str), 3)} ({lines_of(others)[0]})"
+    )
 
 
 def _finding(
