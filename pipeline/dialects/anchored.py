@@ -243,7 +243,10 @@ def _anchors(
 
 
 def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, settings: Any) -> Any:
-    """The readings that are kept, and the ends of the chains, each in the line of its row."""
+    """The readings that are kept, and the ends of the chains, each in the line of its row.
+
+    They stand behind the readings of their pull: without times, rows tell when a target was read.
+    """
     left = shots.kept(kept)
     slot, row, last, at, end = zip(*ends, strict=True)
     names = pa.array([settings.naming.chain[k] for k in end])
@@ -252,18 +255,21 @@ def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, set
     sigma = stated.sigma_m if stated.load_point_sigma_m is None else stated.load_point_sigma_m
     six = np.tile(max(sigma, _SIGMA_M) ** 2 * np.array([1.0, 0, 0, 1.0, 0, 1.0]), (len(ends), 1))
     files = tuple(dict.fromkeys((*left.files, loads.file)))  # one workbook may hold both
+    order = np.argsort(np.r_[np.flatnonzero(kept), np.array(last) + 0.5], kind="stable")
+    rows, time = pa.array(order), [left.time, shots.time.take(pa.array(last))]
+    six = None if left.covariance is None else np.vstack([left.covariance, six])[order]
     return replace(
         left,
         files=files,
-        file=np.r_[left.file, np.full(len(ends), files.index(loads.file))],
-        line=np.r_[left.line, loads.line[list(row)]],
-        group=_joined(left.group, group),
-        target=_joined(left.target, names),
-        position=np.vstack([left.position, at]),
-        covariance=None if left.covariance is None else np.vstack([left.covariance, six]),
-        time=pa.chunked_array([left.time, shots.time.take(pa.array(last))]).combine_chunks(),
-        role=np.r_[left.role, len(settings.measured) + np.array(end)],
-        slot=np.r_[left.slot, slot],
+        file=np.r_[left.file, np.full(len(ends), files.index(loads.file))][order],
+        line=np.r_[left.line, loads.line[list(row)]][order],
+        group=_joined(left.group, group).take(rows),
+        target=_joined(left.target, names).take(rows),
+        position=np.vstack([left.position, at])[order],
+        covariance=six,
+        time=pa.chunked_array(time).combine_chunks().take(rows),
+        role=np.r_[left.role, len(settings.measured) + np.array(end)][order],
+        slot=np.r_[left.slot, slot][order],
     )
 
 

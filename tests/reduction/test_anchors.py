@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.annex.reliability import _names
 from pipeline.base.errors import InputError
@@ -94,6 +95,24 @@ def test_exchanged_names_turn_no_chain(hall, stated):
     assert turned != rows
     spoilt = files | {"tracker.csv": "\n".join(map(",".join, turned)).encode()}
     force = in_newton(reduced(spoilt | {"campaign.toml": with_anchors(toml, anchors)}))
+
+    off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
+    assert np.max(off) < 2e-3
+
+
+def test_without_times_ends_are_read_with_their_pull(hall):
+    """From the station where the tracker stood then, not from the last one."""
+    files, toml, anchors, true = hall
+    head, *rows = (row.split(",")[:5] for row in files["tracker.csv"].decode().splitlines())
+    half = next(k for k, row in enumerate(rows) if row[0].startswith("pose09"))
+    again = [["base_again", *row[1:]] for row in rows if row[0] == "base_start"]
+    there, away = Rotation.from_rotvec([0.0, 0.0, 0.4]), np.array([500.0, -800.0, 100.0])  # mm
+    moved = [[*row[:2], *(there.apply(np.array(row[2:], float)) + away).astype(str)]
+             for row in [*again, *rows[half:]]]  # fmt: skip
+    made = "\n".join(map(",".join, [head, *rows[:half], *moved])).encode()
+    force = in_newton(
+        reduced(files | {"tracker.csv": made, "campaign.toml": with_anchors(toml, anchors)})
+    )
 
     off = np.linalg.norm(force - true, axis=1) / np.linalg.norm(true, axis=1)
     assert np.max(off) < 2e-3
