@@ -94,10 +94,12 @@ class _Shots(Locked):
         )
 
 
-def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, Array]]:
+def with_ends(
+    shots: Any, loads: Log, settings: Any
+) -> tuple[Any, dict[_Pull, str], dict[_Pull, Array]]:
     """Readings with both ends of each chain whose row in the log names an anchor.
 
-    Readings of the anchors themselves are dropped.
+    Readings of the anchors themselves are dropped, except of reflectors of the base.
 
     Args:
         shots: Readings of all files (`RawReadings`).
@@ -105,7 +107,8 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, A
         settings: campaign.toml.
 
     Returns:
-        The readings, and the anchor of each such pull in F_b [m].
+        The readings, and the anchor of each such pull: its name where its place is stated, and
+            where it is not, its place as read from the tracker's first station [m].
 
     Raises:
         InputError: An anchor has neither a place nor a reading.
@@ -116,21 +119,29 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, A
     keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
     rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
     words = {key: loads.word["anchor"][row] for key, row in rows.items()}
-    anchors = {key: at[name] for key, name in words.items() if name}
+    named = {key: str(name) for key, name in words.items() if name}
+    anchors = {key: at[name] for key, name in named.items()}
+    stated = {key: name for key, name in named.items() if name in settings.anchors}
+    R, t = rounds[0][1:]
+    read = {key: R @ place + t for key, place in anchors.items() if key not in stated}
     ends = [
         (slot, rows[key], last, end, k)
         for key, slot, last, both in _ends(seen, rounds, anchors, settings)
         for k, end in enumerate(both)
     ]
-    kept = ~np.isin(seen.names, [*at])
-    return (_added(shots, kept, ends, loads, settings) if ends else shots), anchors
+    kept = ~np.isin(seen.names, [*{*at} - {*settings.base_frame}])
+    return (_added(shots, kept, ends, loads, settings) if ends else shots), stated, read
 
 
 def again(case: Any) -> Any:
     """A `Case` with the ends of its chains where its readings, as they are now, put them."""
     shots, chain = _Shots.of_case(case), case.settings.naming.chain
     rounds = _rounds(shots, case.settings.base_frame)
-    found = {key: both for key, *_, both in _ends(shots, rounds, case.anchors, case.settings)}
+    R, t = rounds[0][1:]
+    anchors = {key: R.T @ (at - t) for key, at in case.anchors_read.items()}
+    places = case.settings.anchors
+    anchors |= {key: np.array(places[name]) for key, name in case.anchors.items()}
+    found = {key: both for key, *_, both in _ends(shots, rounds, anchors, case.settings)}
     rows = case.readings[case.readings["state"] == "loaded"]
     keys = zip(rows["pose"].astype(int), rows["repeat"].astype(int), strict=True)
     at = [found[key][chain.index(name)] if name in chain and key in found else own

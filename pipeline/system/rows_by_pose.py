@@ -86,9 +86,8 @@ def free(seen: Linearised) -> Array:
     pulls, at = seen.data.pulls, seen.rows.pull
     size = np.linalg.norm(pulls.force, axis=1)[at, None]
     both = np.column_stack([pulls.pose, ways(pulls)])
-    return own_columns(
-        seen.motions * size, np.unique(both, axis=0, return_inverse=True)[1].ravel()[at]
-    )
+    number = np.unique(both, axis=0, return_inverse=True)[1].ravel()
+    return own_columns(seen.motions * size, number[at])
 
 
 @dataclass(frozen=True, eq=False)
