@@ -13,7 +13,7 @@ to different anchors are not of one length. Once a mistake is corrected they are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -99,6 +99,7 @@ def with_ends(
 ) -> tuple[Any, dict[_Pull, str], dict[_Pull, Array]]:
     """Readings with both ends of each chain whose row in the log names an anchor.
 
+    A chain of which an end was read is where it was read.
     Readings of the anchors themselves are dropped, except of reflectors of the base.
 
     Args:
@@ -115,11 +116,9 @@ def with_ends(
     """
     seen = _Shots.of(shots)
     rounds = _rounds(seen, settings.base_frame)
-    at = _anchors(seen, rounds, loads, settings.anchors)
-    keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
-    rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
-    words = {key: loads.word["anchor"][row] for key, row in rows.items()}
-    named = {key: str(name) for key, name in words.items() if name}
+    rows = _rows(seen, loads, settings.naming.chain)
+    at = _anchors(seen, rounds, loads, [*rows.values()], settings.anchors)
+    named = {key: str(loads.word["anchor"][row]) for key, row in rows.items()}
     anchors = {key: at[name] for key, name in named.items()}
     stated = {key: name for key, name in named.items() if name in settings.anchors}
     R, t = rounds[0][1:]
@@ -131,6 +130,15 @@ def with_ends(
     ]
     kept = ~np.isin(seen.names, [*{*at} - {*settings.base_frame}])
     return (_added(shots, kept, ends, loads, settings) if ends else shots), stated, read
+
+
+def _rows(shots: _Shots, loads: Log, chain: Collection[str]) -> dict[_Pull, int]:
+    """Row of the log of each pull that names an anchor and of whose chain no end was read."""
+    seen = shots.state[shots.slot[np.isin(shots.names, chain) & (shots.slot >= 0)]]
+    read = {(pose, repeat) for pose, repeat, loaded in seen.tolist() if loaded}
+    keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
+    rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
+    return {key: k for key, k in rows.items() if loads.word["anchor"][k] and key not in read}
 
 
 def again(case: Any) -> Any:
@@ -227,16 +235,21 @@ def _last(rounds: list[_Round], moment: float) -> tuple[Array, Array]:
 
 
 def _anchors(
-    shots: _Shots, rounds: list[_Round], loads: Log, stated: Mapping[str, Any]
+    shots: _Shots,
+    rounds: list[_Round],
+    loads: Log,
+    rows: Iterable[int],
+    stated: Mapping[str, Any],
 ) -> dict[str, Array]:
-    """Places of the anchors in F_b [m].
+    """Places in F_b of the anchors that some rows of the log name [m].
 
     Raises:
         InputError: One has neither a place nor a reading.
     """
     found: dict[str, Array] = {}
-    for row, name in enumerate(loads.word["anchor"].tolist()):
-        if not name or name in found:
+    for row in rows:
+        name = str(loads.word["anchor"][row])
+        if name in found:
             continue
         read = np.flatnonzero(shots.names == name).tolist()
         if name not in stated and not read:

@@ -224,6 +224,14 @@ def test_reflectors_that_no_chain_has_are_neither_suspected_nor_told(stated):
     assert asked["tracker_drift"] == tracker_drift.NEEDS
 
 
+def test_a_chain_with_reflectors_is_where_they_were_read(hall):
+    """Whatever the log says of its anchor, which then needs no place."""
+    files, toml, _, true = hall
+    made = files | {"tracker.csv": (DEMO / "tracker.csv").read_bytes()}
+
+    assert in_newton(reduced(made | {"campaign.toml": toml.encode()})) == pytest.approx(true)
+
+
 def test_an_anchor_without_a_place_is_named(hall):
     files, toml, anchors, _ = hall
     some = {name: at for name, at in anchors.items() if name != "K2-1"}
