@@ -128,13 +128,14 @@ def with_ends(
         for key, slot, last, both in _ends(seen, rounds, anchors, settings)
         for k, end in enumerate(both)
     ]
-    kept = ~np.isin(seen.names, [*{*at} - {*settings.base_frame}])
-    return (_added(shots, kept, ends, loads, settings) if ends else shots), stated, read
+    kept = ~np.isin(seen.names, [*{*loads.word["anchor"].tolist()} - {"", *settings.base_frame}])
+    left = _added(shots, kept, ends, loads, settings) if ends else shots.kept(kept)
+    return left, stated, read
 
 
 def _rows(shots: _Shots, loads: Log, chain: Collection[str]) -> dict[_Pull, int]:
     """Row of the log of each pull that names an anchor and of whose chain no end was read."""
-    seen = shots.state[shots.slot[np.isin(shots.names, chain) & (shots.slot >= 0)]]
+    seen = shots.state[shots.slot[np.isin(shots.names, [*chain]) & (shots.slot >= 0)]]
     read = {(pose, repeat) for pose, repeat, loaded in seen.tolist() if loaded}
     keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
     rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
@@ -281,7 +282,6 @@ def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, set
     files = tuple(dict.fromkeys((*left.files, loads.file)))  # one workbook may hold both
     order = np.argsort(np.r_[np.flatnonzero(kept), np.array(last) + 0.5], kind="stable")
     rows, time = pa.array(order), [left.time, shots.time.take(pa.array(last))]
-    six = None if left.covariance is None else np.vstack([left.covariance, six])[order]
     return replace(
         left,
         files=files,
@@ -290,7 +290,7 @@ def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, set
         group=_joined(left.group, group).take(rows),
         target=_joined(left.target, names).take(rows),
         position=np.vstack([left.position, at])[order],
-        covariance=six,
+        covariance=None if left.covariance is None else np.vstack([left.covariance, six])[order],
         time=pa.chunked_array(time).combine_chunks().take(rows),
         role=np.r_[left.role, len(settings.measured) + np.array(end)][order],
         slot=np.r_[left.slot, slot][order],
