@@ -21,7 +21,7 @@ from bench.exam import JSON, Kept, code_of, package
 
 SECONDS = 60.0
 """Maximum CPU time for one case [s], so that a busy machine causes no time-out: beyond it hangs.
-The diagnosis of a campaign that nothing explains takes up to 20 s; `table.SLOW_MS` lists these."""
+The diagnosis of a campaign that nothing explains takes up to 40 s; `table.SLOW_MS` lists these."""
 
 PATIENCE = 10
 """Maximum wall time in multiples of that [1]: on a busy machine a case gets a tenth of one."""

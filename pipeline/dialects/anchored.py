@@ -13,7 +13,7 @@ to different anchors are not of one length. Once a mistake is corrected they are
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -94,10 +94,13 @@ class _Shots(Locked):
         )
 
 
-def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, Array]]:
+def with_ends(
+    shots: Any, loads: Log, settings: Any
+) -> tuple[Any, dict[_Pull, str], dict[_Pull, Array]]:
     """Readings with both ends of each chain whose row in the log names an anchor.
 
-    Readings of the anchors themselves are dropped.
+    A chain of which an end was read is where it was read.
+    Readings of the anchors themselves are dropped, except of reflectors of the base.
 
     Args:
         shots: Readings of all files (`RawReadings`).
@@ -105,32 +108,49 @@ def with_ends(shots: Any, loads: Log, settings: Any) -> tuple[Any, dict[_Pull, A
         settings: campaign.toml.
 
     Returns:
-        The readings, and the anchor of each such pull in F_b [m].
+        The readings, and the anchor of each such pull: its name where its place is stated, and
+            where it is not, its place as read from the tracker's first station [m].
 
     Raises:
         InputError: An anchor has neither a place nor a reading.
     """
     seen = _Shots.of(shots)
     rounds = _rounds(seen, settings.base_frame)
-    at = _anchors(seen, rounds, loads, settings.anchors)
-    keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
-    rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
-    words = {key: loads.word["anchor"][row] for key, row in rows.items()}
-    anchors = {key: at[name] for key, name in words.items() if name}
+    rows = _rows(seen, loads, settings.naming.chain)
+    at = _anchors(seen, rounds, loads, [*rows.values()], settings.anchors)
+    named = {key: str(loads.word["anchor"][row]) for key, row in rows.items()}
+    anchors = {key: at[name] for key, name in named.items()}
+    stated = {key: name for key, name in named.items() if name in settings.anchors}
+    R, t = rounds[0][1:]
+    read = {key: R @ place + t for key, place in anchors.items() if key not in stated}
     ends = [
         (slot, rows[key], last, end, k)
         for key, slot, last, both in _ends(seen, rounds, anchors, settings)
         for k, end in enumerate(both)
     ]
-    kept = ~np.isin(seen.names, [*at])
-    return (_added(shots, kept, ends, loads, settings) if ends else shots), anchors
+    kept = ~np.isin(seen.names, [*{*loads.word["anchor"].tolist()} - {"", *settings.base_frame}])
+    left = _added(shots, kept, ends, loads, settings) if ends else shots.kept(kept)
+    return left, stated, read
+
+
+def _rows(shots: _Shots, loads: Log, chain: Collection[str]) -> dict[_Pull, int]:
+    """Row of the log of each pull that names an anchor and of whose chain no end was read."""
+    seen = shots.state[shots.slot[np.isin(shots.names, [*chain]) & (shots.slot >= 0)]]
+    read = {(pose, repeat) for pose, repeat, loaded in seen.tolist() if loaded}
+    keys = zip(loads.number["pose"], loads.number["repeat"], strict=True)
+    rows = {(int(pose), int(repeat)): k for k, (pose, repeat) in enumerate(keys)}
+    return {key: k for key, k in rows.items() if loads.word["anchor"][k] and key not in read}
 
 
 def again(case: Any) -> Any:
     """A `Case` with the ends of its chains where its readings, as they are now, put them."""
     shots, chain = _Shots.of_case(case), case.settings.naming.chain
     rounds = _rounds(shots, case.settings.base_frame)
-    found = {key: both for key, *_, both in _ends(shots, rounds, case.anchors, case.settings)}
+    R, t = rounds[0][1:]
+    anchors = {key: R.T @ (at - t) for key, at in case.anchors_read.items()}
+    places = case.settings.anchors
+    anchors |= {key: np.array(places[name]) for key, name in case.anchors.items()}
+    found = {key: both for key, *_, both in _ends(shots, rounds, anchors, case.settings)}
     rows = case.readings[case.readings["state"] == "loaded"]
     keys = zip(rows["pose"].astype(int), rows["repeat"].astype(int), strict=True)
     at = [found[key][chain.index(name)] if name in chain and key in found else own
@@ -216,16 +236,21 @@ def _last(rounds: list[_Round], moment: float) -> tuple[Array, Array]:
 
 
 def _anchors(
-    shots: _Shots, rounds: list[_Round], loads: Log, stated: Mapping[str, Any]
+    shots: _Shots,
+    rounds: list[_Round],
+    loads: Log,
+    rows: Iterable[int],
+    stated: Mapping[str, Any],
 ) -> dict[str, Array]:
-    """Places of the anchors in F_b [m].
+    """Places in F_b of the anchors that some rows of the log name [m].
 
     Raises:
         InputError: One has neither a place nor a reading.
     """
     found: dict[str, Array] = {}
-    for row, name in enumerate(loads.word["anchor"].tolist()):
-        if not name or name in found:
+    for row in rows:
+        name = str(loads.word["anchor"][row])
+        if name in found:
             continue
         read = np.flatnonzero(shots.names == name).tolist()
         if name not in stated and not read:
@@ -243,7 +268,10 @@ def _anchors(
 
 
 def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, settings: Any) -> Any:
-    """The readings that are kept, and the ends of the chains, each in the line of its row."""
+    """The readings that are kept, and the ends of the chains, each in the line of its row.
+
+    They stand behind the readings of their pull: without times, rows tell when a target was read.
+    """
     left = shots.kept(kept)
     slot, row, last, at, end = zip(*ends, strict=True)
     names = pa.array([settings.naming.chain[k] for k in end])
@@ -252,18 +280,20 @@ def _added(shots: Any, kept: Bools, ends: list[tuple[Any, ...]], loads: Log, set
     sigma = stated.sigma_m if stated.load_point_sigma_m is None else stated.load_point_sigma_m
     six = np.tile(max(sigma, _SIGMA_M) ** 2 * np.array([1.0, 0, 0, 1.0, 0, 1.0]), (len(ends), 1))
     files = tuple(dict.fromkeys((*left.files, loads.file)))  # one workbook may hold both
+    order = np.argsort(np.r_[np.flatnonzero(kept), np.array(last) + 0.5], kind="stable")
+    rows, time = pa.array(order), [left.time, shots.time.take(pa.array(last))]
     return replace(
         left,
         files=files,
-        file=np.r_[left.file, np.full(len(ends), files.index(loads.file))],
-        line=np.r_[left.line, loads.line[list(row)]],
-        group=_joined(left.group, group),
-        target=_joined(left.target, names),
-        position=np.vstack([left.position, at]),
-        covariance=None if left.covariance is None else np.vstack([left.covariance, six]),
-        time=pa.chunked_array([left.time, shots.time.take(pa.array(last))]).combine_chunks(),
-        role=np.r_[left.role, len(settings.measured) + np.array(end)],
-        slot=np.r_[left.slot, slot],
+        file=np.r_[left.file, np.full(len(ends), files.index(loads.file))][order],
+        line=np.r_[left.line, loads.line[list(row)]][order],
+        group=_joined(left.group, group).take(rows),
+        target=_joined(left.target, names).take(rows),
+        position=np.vstack([left.position, at])[order],
+        covariance=None if left.covariance is None else np.vstack([left.covariance, six])[order],
+        time=pa.chunked_array(time).combine_chunks().take(rows),
+        role=np.r_[left.role, len(settings.measured) + np.array(end)][order],
+        slot=np.r_[left.slot, slot][order],
     )
 
 

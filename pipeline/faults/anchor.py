@@ -27,7 +27,7 @@ from pipeline.faults.exchanged_pulls import PullMoves, response, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors
 from pipeline.faults.mistake import Mistake, lines_of
-from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
+from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -37,11 +37,11 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
 
     A reading of the scale does not explain them as well.
     """
-    stated = np.array([*asked.case.settings.anchors.values()] if asked.case.anchors else [])
-    known = len(stated) > 0 or anchors(asked.case)["anchor"].any()
+    stated = bool(asked.case.anchors)
+    known = stated or anchors(asked.case)["anchor"].any()
     if not known or (moved := PullMoves.of(asked)) is None:
         return []
-    near, place, at = _ends(asked, moved, stated)
+    near, place, at = _ends(asked, moved)
     x = moved.solved(moved.force)
     along = moved.G @ x
     given, scaled = (_left(moved.y, f, along) for f in (moved.force, moved.due(x)[0]))
@@ -57,7 +57,8 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
         if fits and CLEARLY_NEARER**2 * left[best] < left[second] and best < len(others):
             there = int(others[best])
             says = _said(asked.case, int(place[i]), there)
-            found += [_finding(asked, moved, i, says, at[there], given[i], left[best])]
+            mm = 1e3 * np.sqrt([given[i], left[best]])
+            found += [_finding(asked, moved, i, says, (there, at[there]), mm)]
     return found
 
 
@@ -66,7 +67,7 @@ def _left(y: Array, force: Array, each: Array) -> Array:
     return np.asarray(np.mean((y - force[:, None] * each) ** 2, axis=-1))
 
 
-def _ends(asked: Screening, moved: PullMoves, stated: Array) -> tuple[Array, Ints, Array]:
+def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
     """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors."""
     rows = asked.reduced.placed
     rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
@@ -75,11 +76,10 @@ def _ends(asked: Screening, moved: PullMoves, stated: Array) -> tuple[Array, Int
     of_pulls = rows.set_index(["target", "pose", "repeat"]).sort_index()
     begins, ends = (of_pulls.loc[name].reindex(key) for name in chain)
     near, far = (one[XYZ].to_numpy(float) for one in (begins, ends))
-    if len(stated):
-        own = np.array([asked.case.anchors.get(one, np.full(3, np.nan)) for one in key])
-        off = np.linalg.norm(stated - own[:, None], axis=2)
-        place = np.where(off.min(axis=1) < GROSS_DISTANCE_M, off.argmin(axis=1), -1)
-        return near, place, stated
+    if own := asked.case.anchors:
+        stated = pd.Series(asked.case.settings.anchors)
+        place = stated.index.get_indexer(pd.Index([own.get(one, "") for one in key]))
+        return near, place, np.array([*stated])
     read = anchors(asked.case)
     where = read["place"].where(read["anchor"], -1).reindex(ends["group"]).fillna(-1)
     known, place = np.unique(where[where >= 0]), where.to_numpy(int)
@@ -102,8 +102,9 @@ def _said(case: Case, own: int, there: int) -> str:
 
 
 def _finding(
-    asked: Screening, moved: PullMoves, i: int, says: str, there: Array, before: float, after: float
+    asked: Screening, moved: PullMoves, i: int, says: str, there: tuple[int, Array], mm: Array
 ) -> Mistake:
+    """Of pull i: its anchor, by number and place in F_b [m]; rms left by its own and that [mm]."""
     case, chain = asked.case, asked.case.settings.naming.chain
     row = case.loads.iloc[rows_of(case, asked.reduced.data, moved.pull)[[i]]]
     key = ["pose", "repeat"]
@@ -116,7 +117,7 @@ def _finding(
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
     pull = int(row["pose"].iloc[0]), int(row["repeat"].iloc[0])
-    mm = [1e3 * float(np.sqrt(square)) for square in (before, after)]
+    to, name = (R @ there[1] + t).tolist(), dict(enumerate(case.settings.anchors)).get(there[0], "")
     return Mistake(
         name="label_swap",
         where=group,
@@ -124,17 +125,19 @@ def _finding(
         f"towards that one the joint springs leave {mm[1]:.2g} mm rms of its displacements instead "
         f"of {mm[0]:.2g} mm",
         correction=f"recomputed with {chain[1]} of {group} at that anchor",
-        before=mm[0],
-        after=mm[1],
-        correct=(lambda of: replace(of, anchors={**of.anchors, pull: there}))
-        if pull in case.anchors
-        else partial(_anchored, group=group, at=tuple((R @ there + t).tolist())),
+        before=float(mm[0]),
+        after=float(mm[1]),
+        correct=partial(_anchored, group=group, pull=pull, at=to, name=name),
         at=at,
     )
 
 
-def _anchored(case: Case, group: str, at: tuple[float, float, float]) -> Case:
-    """The campaign with the far end of a chain elsewhere [m], tracker's frame."""
+def _anchored(case: Case, group: str, pull: tuple[int, int], at: list[float], name: str) -> Case:
+    """The campaign with the far end of a chain elsewhere [m], tracker's frame, or by name."""
+    if pull in case.anchors:
+        return replace(case, anchors={**case.anchors, pull: name})
+    if pull in case.anchors_read:
+        return replace(case, anchors_read={**case.anchors_read, pull: np.array(at)})
     rows, end = case.readings.copy(), case.settings.naming.chain[1]
     rows.loc[(rows["group"] == group) & (rows["target"] == end), XYZ] = at
     return replace(case, readings=rows)

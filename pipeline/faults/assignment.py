@@ -104,9 +104,9 @@ def misplacement(ring: Ring | None, one: str) -> str:
 
 
 def lines(at: Sequence[str]) -> str:
-    """Lines of the files, in words; successive ones as `loads.csv:8–31`."""
+    """Lines of the files, in words, each once; successive ones as `loads.csv:8–31`."""
     runs: list[list[str]] = []
-    for each in at:
+    for each in dict.fromkeys(at):
         if runs and each == _next(runs[-1][-1]):
             runs[-1].append(each)
         else:

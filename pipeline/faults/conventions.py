@@ -470,21 +470,21 @@ def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
         yield where, _DH_SAYS.get(where) or f"the robot file is wrong in {where}", other
 
 
-def mapped(A: Array, case: Case) -> Case:
-    """The campaign with readings A p, A (3, 3) orthogonal but for a factor.
+def mapped(A: Array, case: Case, shift: Array | float = 0.0) -> Case:
+    """The campaign with readings A p + shift [m], A (3, 3) orthogonal but for a factor.
 
     Covariances from the file are in the unit of the readings; others only turn.
     """
     rows, noise = case.readings, case.settings.reading_noise
-    at, factor = rows[XYZ].to_numpy(float) @ A.T, np.linalg.norm(A[0])
+    at, factor = rows[XYZ].to_numpy(float) @ A.T + shift, np.linalg.norm(A[0])
     own = (rows["covariance_from"] == "file").to_numpy()
     C = A @ covariance.matrices(rows) @ A.T
-    C[~own] /= factor**2
-    six = covariance.flat(C)
+    six = covariance.flat(C / np.where(own, 1.0, factor**2)[:, None, None])
     if factor != 1 and isinstance(noise, InstrumentNoise):
         six = np.where(own[:, None], six, instrument.beam_covariance(at, noise))
     rows = rows.assign(**dict(zip(XYZ, at.T, strict=True)))
-    return replace(case, readings=with_covariance(rows, six))
+    anchors = {pull: A @ read + shift for pull, read in case.anchors_read.items()}
+    return replace(case, readings=with_covariance(rows, six), anchors_read=anchors)
 
 
 def with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:

@@ -245,15 +245,15 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
 
 def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
     """Rows of the joint log under their true pose numbers; `lost` is a pose without a row."""
-    joints = case.joints[case.joints["pose"].map(lambda k: k in true or k not in true.values())]
-    joints = joints.assign(pose=joints["pose"].map(lambda k: true.get(k, k)).astype("int32"))
-    rows, loads, torques = case.readings, case.loads, case.torques
-    if torques is not None:  # of the same rows
-        torques = torques.assign(pose=torques["pose"].map(lambda k: true.get(k, k)))
+
+    def own(rows: pd.DataFrame) -> pd.DataFrame:
+        rows = rows[rows["pose"].map(lambda k: k in true or k not in true.values())]
+        return rows.assign(pose=rows["pose"].map(lambda k: true.get(k, k)).astype("int32"))
+
+    joints, rows, loads = own(case.joints).sort_values("pose"), case.readings, case.loads
+    torques = None if case.torques is None else own(case.torques)  # of the same rows
     if lost is not None:
-        joints = joints[joints["pose"] != lost]
         rows, loads = rows[rows["pose"].ne(lost).fillna(True)], loads[loads["pose"] != lost]
-    joints = joints.sort_values("pose")
     return replace(case, joints=joints, readings=rows, loads=loads, torques=torques)
 
 

@@ -8,7 +8,6 @@ among each other, but are all displaced by a common motion.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -29,7 +28,6 @@ from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length
 from pipeline.readers.reflector_sets import CLEARLY_NEARER, GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import XYZ
 
 
 def placement(case: Case) -> list[Mistake]:
@@ -65,13 +63,14 @@ def placement(case: Case) -> list[Mistake]:
 
 
 def _placed(turn: Array, shift: Array, case: Case) -> Case:
-    """The campaign transformed into F_b: its base reflectors, or without them its readings."""
-    base = case.settings.base_frame
-    if base:
-        moved = {name: tuple((turn @ at + shift).tolist()) for name, at in base.items()}
-        return with_places("base_frame", moved, case)
-    turned = mapped(turn, case)
-    return replace(turned, readings=turned.readings.assign(**turned.readings[XYZ] + shift))
+    """The campaign transformed into F_b: what is stated there, or without [base_frame] readings."""
+    if not case.settings.base_frame:
+        return mapped(turn, case, shift)
+    for table in ("base_frame", "anchors"):
+        stated = getattr(case.settings, table)
+        moved = {name: tuple((turn @ at + shift).tolist()) for name, at in stated.items()}
+        case = with_places(table, moved, case)
+    return case
 
 
 FAULT = Fault("sign_or_convention", lambda asked: placement(asked.case), in_files=True)

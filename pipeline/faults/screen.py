@@ -183,7 +183,7 @@ def _corrected_case(case: Case, findings: Sequence[Mistake]) -> Case:
     """The campaign with some mistakes corrected, and what follows from them."""
     for finding in findings:
         case = finding.correct(case)
-    return doors.opened(_ENDS)(case) if findings and case.anchors else case
+    return doors.opened(_ENDS)(case) if findings and (case.anchors or case.anchors_read) else case
 
 
 def _asked(case: Case, in_files: bool) -> list[Fault]:

@@ -141,7 +141,7 @@ class Calibration(Locked):
     def cov(self) -> Array:
         """Covariance of the parameters, including the uncertainty of the scales of their priors.
 
-        These are those of masses held, whose common factor is uncertain in any case.
+        The latter is that for known masses: their common factor is uncertain by itself.
         """
         return self.solution.cov + of_scales(self.known, self.by_readings)
 

@@ -63,7 +63,9 @@ class FilesAsRead:
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
         aside: What campaign.toml sets aside.
-        anchors: Where the chain of a pull (pose, repeat) ends that has no reflectors, F_b [m].
+        anchors: Where the chain of a pull (pose, repeat) ends that has no reflectors: its name in
+            `Settings.anchors`.
+        anchors_read: The same as read, where it is not stated: tracker's frame [m].
     """
 
     displacements: pa.Table | None = None
@@ -76,7 +78,8 @@ class FilesAsRead:
     unused: tuple[str, ...] = ()
     treated: tuple[ExportTreatment, ...] = ()
     aside: tuple[NamedAside, ...] = ()
-    anchors: Mapping[tuple[int, int], Array] = field(default_factory=dict)
+    anchors: Mapping[tuple[int, int], str] = field(default_factory=dict)
+    anchors_read: Mapping[tuple[int, int], Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

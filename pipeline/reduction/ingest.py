@@ -204,9 +204,9 @@ def _raw(
     everything, (loads, joints), aside = set_aside.kept(
         everything, (loads, joints), settings.set_aside, own, width
     )
-    anchors = {}
+    anchors = anchors_read = {}
     if "anchor" in loads.word:
-        everything, anchors = doors.opened(_ENDS)(everything, loads, settings)
+        everything, anchors, anchors_read = doors.opened(_ENDS)(everything, loads, settings)
     shots = _known_shots(everything, settings, loads)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     shots, renamed = _raw_readings.with_own_names(shots, width)
@@ -234,6 +234,7 @@ def _raw(
         unused=_raw_readings.unused(everything, whole),
         aside=aside,
         anchors=anchors,
+        anchors_read=anchors_read,
         treated=_treated(exports, own) + taken,
         torques=_torques(logged, robot),
     )

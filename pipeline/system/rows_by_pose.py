@@ -82,13 +82,12 @@ def columns(seen: Linearised, causes: Bools) -> Array:
 
 
 def free(seen: Linearised) -> Array:
-    """Six rigid motions of the effector for each way of each pose, as the pull, (M, 6 n)."""
+    """Six motions in proportion to the pull for each way of loading each pose, (M, 6 n)."""
     pulls, at = seen.data.pulls, seen.rows.pull
     size = np.linalg.norm(pulls.force, axis=1)[at, None]
     both = np.column_stack([pulls.pose, ways(pulls)])
-    return own_columns(
-        seen.motions * size, np.unique(both, axis=0, return_inverse=True)[1].ravel()[at]
-    )
+    number = np.unique(both, axis=0, return_inverse=True)[1].ravel()
+    return own_columns(seen.motions * size, number[at])
 
 
 @dataclass(frozen=True, eq=False)

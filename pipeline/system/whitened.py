@@ -113,7 +113,7 @@ class Whitened(Locked):
 
     @cached_property
     def free(self) -> Base:
-        """A free stiffness of each pose: six rigid motions as the force for each way of it."""
+        """A free stiffness of each way of loading each pose: six motions in proportion to force."""
         pulls, at = self.seen.data.pulls, self.rows.pull
         moves = self.seen.motions * np.linalg.norm(pulls.force, axis=1)[at, None]
         return self.white.own_base(own_columns(moves, ways(pulls)[at]), self.seen.y)

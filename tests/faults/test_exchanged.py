@@ -193,17 +193,23 @@ def test_rows_of_the_joint_log_are_put_back(seed, kind):
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_joint_log_without_its_first_row(seed):
-    """Every pose has the row of the next one; pose 1 has none, and is left out."""
+    """Every pose has the row of the next one; pose 1 has none, and is left out.
+
+    The torques of the last row, of a pose without readings, go with it.
+    """
     head, rows = table(files(seed), "joints.csv")
     made = written(
         files(seed), "joints.csv", head, [[str(k), *row[1:]] for k, row in enumerate(rows[1:], 1)]
     )
 
-    right = put_right(exchanged(case(made)), case(made))
+    rows, a3 = case(made).joints, case(made).joint_columns[3]
+    torques = rows[["pose"]].assign(tau3=rows[a3])
+    right = put_right(exchanged(case(made)), replace(case(made), torques=torques))
 
     q = case(files(seed)).joints.set_index("pose")[right.joint_columns]
     mine = right.joints.set_index("pose")[right.joint_columns]
     assert sorted(mine.index) == [2, 3, 4, 5, 6]
+    assert right.torques.set_index("pose")["tau3"].to_dict() == mine[a3].to_dict()
     assert np.allclose(mine, q.loc[mine.index])
     assert 1 not in set(right.readings["pose"].dropna())
 

@@ -307,6 +307,7 @@ def test_lines_are_joined_where_they_follow_each_other():
     every = [f"l:{k}" for k in range(1, 19, 2)]
     assert lines(every) == ", ".join(every[:6]) + " and 3 more lines"
     assert lines(["whole", "l:4", "l:5"]) == "whole, l:4–5"
+    assert lines(["l:4", "l:4", "k:2", "l:4"]) == "l:4, k:2"  # both ends of a chain by its row
 
 
 def test_names_of_base_reflectors_are_tried_if_their_distances_agree():

@@ -28,6 +28,7 @@ class Bench:
         default_factory=lambda: SimpleNamespace(nominal_compliance=np.ones(2), n=2)
     )
     anchors: dict = field(default_factory=dict)
+    anchors_read: dict = field(default_factory=dict)
     cell: object = field(default_factory=lambda: Cell())
 
     @property
