@@ -144,6 +144,11 @@ def least_squares(X: Array, y: Array) -> Array:
     return pseudoinverse(X)(y)
 
 
+def normed(v: Array) -> Array:
+    """Vectors v (..., n) at unit length, 0 where they are."""
+    return np.asarray(v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), TINY))
+
+
 def unit(N: Array) -> tuple[Array, Array]:
     """Products of columns normalised to unit length, (..., k, k), and their lengths, (..., k).
 

@@ -30,15 +30,15 @@ from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
+from pipeline.system import odds
 
 
 def wrong_anchors(asked: Screening) -> list[Mistake]:
     """Pulls whose displacements are those of a pull towards another anchor.
 
-    A reading of the scale does not explain them as well.
+    A reading of the scale does not explain them as well; another anchor beside the best may.
     """
-    stated = bool(asked.case.anchors)
-    known = stated or anchors(asked.case)["anchor"].any()
+    known = bool(asked.case.anchors) or anchors(asked.case)["anchor"].any()
     if not known or (moved := PullMoves.of(asked)) is None:
         return []
     near, place, at = _ends(asked, moved)
@@ -46,19 +46,19 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     along = moved.G @ x
     given, scaled = (_left(moved.y, f, along) for f in (moved.force, moved.due(x)[0]))
     usual, found = moved.usual(given), list[Mistake]()
-    for i in np.flatnonzero((place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual)).tolist():
+    astray = (place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual) & (len(at) > 1)
+    for i in np.flatnonzero(astray).tolist():
         others = np.delete(np.arange(len(at)), place[i])
-        u = at[others] - near[i]
-        u = u / np.linalg.norm(u, axis=1, keepdims=True)
+        u = linear.normed(at[others] - near[i])
         each = response(asked, np.full(len(u), moved.pull[i]), u) @ x
-        left = np.append(_left(moved.y[i], moved.force[i, None], each), scaled[i])
-        best, second = np.argsort(left)[:2]
-        fits = left[best] <= CLEARLY_NEARER**2 * usual[i]
-        if fits and CLEARLY_NEARER**2 * left[best] < left[second] and best < len(others):
-            there = int(others[best])
-            says = _said(asked.case, int(place[i]), there)
-            mm = 1e3 * np.sqrt([given[i], left[best]])
-            found += [_finding(asked, moved, i, says, (there, at[there]), mm)]
+        left = _left(moved.y[i], moved.force[i, None], each)
+        best = left.min()
+        least = best + odds.DECIDES * usual[i] / moved.y.shape[1]
+        if scaled[i] > least and best <= CLEARLY_NEARER**2 * usual[i]:
+            alike = others[np.argsort(left)[: np.sum(left <= least)]]
+            says = _said(asked.case, int(place[i]), alike)
+            mm = 1e3 * np.sqrt([given[i], best])
+            found += [_finding(asked, moved, i, says, (int(alike[0]), at[alike[0]]), mm)]
     return found
 
 
@@ -87,15 +87,15 @@ def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
     return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
 
 
-def _said(case: Case, own: int, there: int) -> str:
-    """The anchor that is written down for a pull, and the one that fits, in words."""
+def _said(case: Case, own: int, there: Ints) -> str:
+    """The anchor that is written down for a pull, and those that fit, in words."""
     if case.anchors:
         names = [*case.settings.anchors]
-        return f"{names[own]}, as its row says, probably {names[there]}"
+        return f"{names[own]}, as its row says, probably {' or '.join(names[k] for k in there)}"
     end, where = case.settings.naming.chain[1], anchors(case)
     known = np.unique(where["place"][where["anchor"]])
     rows = case.readings[(case.readings["state"] == "loaded") & (case.readings["target"] == end)]
-    others = rows[rows["group"].isin(where.index[where["place"] == known[there]])]
+    others = rows[rows["group"].isin(where.index[where["place"].isin(known[there])])]
     return (
         f"its {end} says, that of {listed(others['group'].astype(str), 3)} ({lines_of(others)[0]})"
     )

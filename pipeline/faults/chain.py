@@ -229,8 +229,7 @@ def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Cha
     loads = case.loads.drop_duplicates(["pose", "repeat"]).set_index(["pose", "repeat"])["force_n"]
     loads = loads[[key not in unknown for key in loads.index]]
     key = pd.MultiIndex.from_frame(ends[0][["pose", "repeat"]].astype("int64"))
-    u = at[:, 1] - at[:, 0]
-    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    u = linear.normed(at[:, 1] - at[:, 0])
     C = covariance.matrices(ends[0]) + covariance.matrices(ends[1])
     std = np.sqrt(np.einsum("mi,mij,mj->m", u, C, u))
     stated = bool(np.isfinite(std).all())
@@ -365,8 +364,7 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
         P-values, size over the residuals of the other pulls of the set, size [rad], size in
             standard deviations, all (n,).
     """
-    u = (chain.ends[:, 1] - chain.ends[:, 0])[pulls]
-    u = u / np.linalg.norm(u, axis=1, keepdims=True)
+    u = linear.normed((chain.ends[:, 1] - chain.ends[:, 0])[pulls])
     sets = Blocks.of(chain.towards[pulls])
     mean = sets.padded(u).sum(axis=1)
     across = linear.principal(mean[:, None])[2][:, 1:]

@@ -213,9 +213,8 @@ def _square(unit_m: float, C: Array, _: Array) -> Array:
 
 def _along_beam(C: Array, points: Array) -> Array:
     """Covariances along the beam to each point, then across it level and upright."""
-    along = points / np.linalg.norm(points, axis=1, keepdims=True)
-    level = np.cross([0.0, 0.0, 1.0], along)
-    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), np.finfo(float).tiny)
+    along = linear.normed(points)
+    level = linear.normed(np.cross([0.0, 0.0, 1.0], along))
     axes = np.stack([along, level, np.cross(along, level)], axis=2)
     return np.asarray(axes @ C @ np.swapaxes(axes, -1, -2))
 
