@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from scipy.linalg import blas, lapack
+from scipy.linalg import lapack
 
 from pipeline.base.arrays import Array, Bools, Ints
 
@@ -339,13 +339,6 @@ def cholesky(A: Array) -> Cholesky:
     rows = (A * scale * scale[:, None]).T  # symmetric, and transposed stored as LAPACK stores it
     lower = scipy.linalg.cholesky(rows, lower=True, overwrite_a=True, check_finite=False)
     return Cholesky(lower, scale)
-
-
-def by_upper(X: Array, R: Array) -> Array:
-    """X R of rows X (M, k) by upper triangular R (k, k) and any more columns, (k, j)."""
-    k = len(R)
-    out = np.asarray(blas.dtrmm(1.0, R[:, :k].T, X.T, lower=1).T)
-    return out if R.shape[1] == k else np.column_stack([out, X @ R[:, k:]])
 
 
 def whitening(V: Array) -> Array:

@@ -18,7 +18,7 @@ from pipeline.base.errors import listed
 from pipeline.base.quantities import bracketed, common_prefix, plain, prefixed, with_std
 from pipeline.base.tails import chi2_beyond
 from pipeline.check.contradictions import along_the_beam, overloaded
-from pipeline.diagnosis.facts import FoundCause, UnloadedFacts
+from pipeline.diagnosis.facts import EffectSize, FoundCause, UnloadedFacts
 from pipeline.library.compensate import against_pulls
 from pipeline.machine.effect import Effect, Observation, Pulls
 from pipeline.machine.instrument import near, sheet
@@ -417,10 +417,16 @@ magnitudes are estimates and hold to a factor of a few (`Effect.source`), so any
 order of magnitude is no usual cause."""
 
 
+def _at_least_typical(one: EffectSize) -> float:
+    """Interval end nearer to zero over the typical magnitude [1]; 0 if zero is inside."""
+    low, high = one.ci95
+    return max(low, -high, 0.0) / one.parameter.typical
+
+
 def enormous(cause: FoundCause) -> str | None:
     """That a cause is many times its typical magnitude, and what would settle it; else None."""
-    most = max(cause.amplitudes, key=lambda one: one.at_least_typical)
-    if most.at_least_typical <= _MANY:
+    most = max(cause.amplitudes, key=_at_least_typical)
+    if _at_least_typical(most) <= _MANY:
         return None
     usual, unit = most.parameter.typical, most.parameter.unit
     factor, letter = (1.0, "") if unit == "1" else common_prefix([usual, most.value])

@@ -237,12 +237,6 @@ class EffectSize:
         """|value| over the typical magnitude [1]."""
         return abs(self.value) / self.parameter.typical
 
-    @property
-    def at_least_typical(self) -> float:
-        """Interval end nearer to zero over the typical magnitude [1]; 0 if zero is inside."""
-        low, high = self.ci95
-        return max(low, -high, 0.0) / self.parameter.typical
-
     @classmethod
     def symmetric(
         cls, parameter: Parameter, value: float, std: float, quantile: float = NORMAL_95

@@ -8,11 +8,13 @@ that leaves the least of
     |y_i - f_i G_i(u_a) x|^2,    u_a = (p_a - near_i) / |p_a - near_i|,
 
 of the places p_a at which the chain ended in pulls of two or more poses, or of those that
-campaign.toml states.
+campaign.toml states. A row of the loads with force f_j that names an anchor may be in the place of
+another one, which leaves |y_i - f_j G_i(u_a) x|^2 (see `assignment`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 
@@ -22,7 +24,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
-from pipeline.faults.assignment import OUTSTANDING_MISFIT
+from pipeline.faults import exchanged_pulls
+from pipeline.faults.assignment import OUTSTANDING_MISFIT, Ring, rings
 from pipeline.faults.exchanged_pulls import PullMoves, response, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors
@@ -34,7 +37,7 @@ from pipeline.system import odds
 
 
 def wrong_anchors(asked: Screening) -> list[Mistake]:
-    """Pulls whose displacements are those of a pull towards another anchor.
+    """Pulls whose displacements are those of another row of the loads, or towards another anchor.
 
     A reading of the scale does not explain them as well; another anchor beside the best may.
     """
@@ -43,19 +46,25 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
         return []
     near, place, at = _ends(asked, moved)
     x = moved.solved(moved.force)
-    along = moved.G @ x
-    given, scaled = (_left(moved.y, f, along) for f in (moved.force, moved.due(x)[0]))
-    usual, found = moved.usual(given), list[Mistake]()
-    astray = (place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual) & (len(at) > 1)
-    for i in np.flatnonzero(astray).tolist():
-        others = np.delete(np.arange(len(at)), place[i])
-        u = linear.normed(at[others] - near[i])
-        each = response(asked, np.full(len(u), moved.pull[i]), u) @ x
-        left = _left(moved.y[i], moved.force[i, None], each)
-        best = left.min()
+    given, scaled = (_left(moved.y, f, moved.G @ x) for f in (moved.force, moved.due(x)[0]))
+    usual = moved.usual(given)
+    astray = np.flatnonzero((place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual))
+    if not len(astray) or len(at) < 2:
+        return []
+    some = moved.only(astray)
+    u = linear.normed(at - near[astray, None]).reshape(-1, 3)
+    towards = np.repeat(some.pull, len(at))
+    each = (response(asked, towards, u) @ x).reshape(len(astray), len(at), -1)
+    left = _left(some.y[:, None], some.force[:, None], each)
+    left[np.arange(len(astray)), place[astray]] = np.inf
+    found = list[Mistake]()
+    for ring, one in _exchanged_rows(asked, some, each[:, place[astray]], usual[astray]):
+        found, left[list(ring.members)] = [*found, one], np.inf
+    for n, i in enumerate(astray.tolist()):
+        best = left[n].min()
         least = best + odds.DECIDES * usual[i] / moved.y.shape[1]
         if scaled[i] > least and best <= CLEARLY_NEARER**2 * usual[i]:
-            alike = others[np.argsort(left)[: np.sum(left <= least)]]
+            alike = np.argsort(left[n])[: np.sum(left[n] <= least)]
             says = _said(asked.case, int(place[i]), alike)
             mm = 1e3 * np.sqrt([given[i], best])
             found += [_finding(asked, moved, i, says, (int(alike[0]), at[alike[0]]), mm)]
@@ -63,8 +72,30 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
 
 
 def _left(y: Array, force: Array, each: Array) -> Array:
-    """Mean square that forces leave of displacements [m^2], shape (m,)."""
-    return np.asarray(np.mean((y - force[:, None] * each) ** 2, axis=-1))
+    """Mean square that forces (...) leave of displacements (..., c) [m^2], shape (...)."""
+    return np.asarray(np.mean((y - force[..., None] * each) ** 2, axis=-1))
+
+
+def _exchanged_rows(
+    asked: Screening, moved: PullMoves, each: Array, usual: Array
+) -> Iterator[tuple[Ring, Mistake]]:
+    """Rows of the loads that are in each other's place, with the anchors that they name.
+
+    Args:
+        asked: The campaign.
+        moved: Pulls that do not fit, m.
+        each: Displacement of each per newton towards the anchor of each row, (m, m, c) [m/N].
+        usual: Usual mean square of each [m^2], shape (m,).
+    """
+    if not asked.case.anchors:
+        return
+    off = _left(moved.y, moved.force[:, None], np.swapaxes(each, 0, 1)) / usual
+    for ring in rings(off, OUTSTANDING_MISFIT**2, CLEARLY_NEARER**2):
+        right = replace(
+            moved, G=each[np.arange(len(off)), exchanged_pulls.ordering([ring], len(off)), :, None]
+        )
+        fit = exchanged_pulls.OrderFit(np.ones(1), off, model=0.0, left=0.0)
+        yield ring, exchanged_pulls.of_loads(asked, right, fit, ring, anchors=True)
 
 
 def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
@@ -107,16 +138,15 @@ def _finding(
     """Of pull i: its anchor, by number and place in F_b [m]; rms left by its own and that [mm]."""
     case, chain = asked.case, asked.case.settings.naming.chain
     row = case.loads.iloc[rows_of(case, asked.reduced.data, moved.pull)[[i]]]
-    key = ["pose", "repeat"]
+    pull = int(row["pose"].iloc[0]), int(row["repeat"].iloc[0])
     rows, placed = (
-        one[(one["state"] == "loaded") & (one[key] == row[key].iloc[0]).all(axis=1)]
+        one[(one["state"] == "loaded") & (one[["pose", "repeat"]] == [*pull]).all(axis=1)]
         for one in (case.readings, asked.reduced.placed)
     )
     far = rows[rows["target"] == chain[1]].iloc[:1]
     group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
-    pull = int(row["pose"].iloc[0]), int(row["repeat"].iloc[0])
     to, name = (R @ there[1] + t).tolist(), dict(enumerate(case.settings.anchors)).get(there[0], "")
     return Mistake(
         name="label_swap",

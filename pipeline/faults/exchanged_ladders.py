@@ -17,7 +17,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.assignment import Ring
-from pipeline.faults.exchanged_pulls import PullMoves, of_loads, ordered, rows_of
+from pipeline.faults.exchanged_pulls import PullMoves, of_loads, ordered
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.system import alarms, odds
@@ -94,9 +94,8 @@ def ladders(asked: Screening) -> list[Mistake]:
     order = _decisive(asked, moved)
     if order is None:
         return []
-    row = rows_of(asked.case, asked.reduced.data, moved.pull)
     rings = [Ring((int(k), int(j))) for k, j in enumerate(order) if k < j]
-    return [of_loads(asked, moved, ordered(moved, order), ring, row) for ring in rings]
+    return [of_loads(asked, moved, ordered(moved, order), ring) for ring in rings]
 
 
 def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:

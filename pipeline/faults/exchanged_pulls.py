@@ -36,6 +36,9 @@ from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 
+_Key = tuple[int, int]
+"""Pose and repeat of a pull."""
+
 FEWEST, MOST = 6, 400
 """Minimum and maximum number of pulls: fewer do not single one out, and a longer log is not written
 by hand."""
@@ -203,7 +206,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     if moved is None:
         return []
     given = ordered(moved, np.arange(len(moved.force)))
-    if (np.diag(given.cost) <= moved.least).all() and _usual(given):
+    if (np.diag(given.cost) <= moved.least).all() and given.model < USUAL_MISFIT:
         return []
     return _states(asked, moved) or _loads(asked, moved, given)
 
@@ -239,7 +242,7 @@ def misfit(case: Case) -> float:
 
 
 @lru_cache(maxsize=1)
-def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
+def odd_forces(asked: Screening) -> dict[_Key, bool]:
     """Whether the logged force of each pull, (pose, repeat), contradicts its displacements.
 
     Empty where there are too few or too many pulls.
@@ -251,7 +254,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
     return dict(zip(_keys(asked, moved), (np.diag(fit.cost) > moved.least).tolist(), strict=True))
 
 
-def _keys(asked: Screening, moved: PullMoves) -> list[tuple[int, int]]:
+def _keys(asked: Screening, moved: PullMoves) -> list[_Key]:
     """Pose and repeat of each pull."""
     of = asked.reduced.data.pulls
     return [*zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)]
@@ -266,17 +269,16 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]
 
     def left(one: tuple[OrderFit, list[Ring]]) -> int:
         """Number of pulls whose force does not fit, except those left without one."""
-        wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
+        wrong = np.diag(one[0].cost[ordering(one[1], len(moved.force))]) > least
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
 
     for fit, found in sorted(_orders(moved, given, least, row), key=left):
         moves = row[[k for ring in found for k in ring.members]]
         pose = asked.reduced.data.pulls.pose[moved.pull]
         happens = partial(_happens, pose=pose, most=bool(2 * len(moves) > np.ptp(moves) + 1))
-        kept = [one for one in filter(happens, found) if _changes(moved, one)]
-        kept = [ring for ring in kept if _both(fit, ring, least)]
-        if kept:
-            return [of_loads(asked, moved, fit, ring, row) for ring in kept]
+        kept = [one for one in found if _changes(moved, one) and _both(fit, one, least)]
+        if kept := [*filter(happens, kept)]:
+            return [of_loads(asked, moved, fit, one) for one in kept]
     return []
 
 
@@ -287,7 +289,7 @@ def _orders(
     count = len(moved.force)
     few = rings(given.cost, least, least)
     if few and _all_fit(moved, few, least):
-        yield ordered(moved, _order(few, count)), few
+        yield ordered(moved, ordering(few, count)), few
     at = np.argsort(row)  # pulls in the order of the log
     wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
     first = int(wrong.min(initial=count))
@@ -295,13 +297,13 @@ def _orders(
     for begin, step, ended in product((0, *since), (1, -1), (False, True)):
         ring = shift(at[begin:], step, ended)
         if _all_fit(moved, [ring], least):
-            yield ordered(moved, _order([ring], count)), [ring]
+            yield ordered(moved, ordering([ring], count)), [ring]
     found = _sorted(moved, least)
     if found is not None:
         yield found
 
 
-def _order(found: Sequence[Ring], count: int) -> Ints:
+def ordering(found: Sequence[Ring], count: int) -> Ints:
     """Index of the logged force that belongs to each pull."""
     order = np.arange(count)
     for ring in found:
@@ -312,17 +314,12 @@ def _order(found: Sequence[Ring], count: int) -> Ints:
 
 def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
     """Whether everything that is moved fits in its new place, with re-estimated compliances."""
-    order = _order(found, len(moved.force))
+    order = ordering(found, len(moved.force))
     fit = ordered(moved, order)
-    at = [(here, there) for ring in found for here, there in ring.moves]
-    here, there = np.array(at).T
+    here, there = np.concatenate([ring.moves for ring in found]).T
     after, before = fit.cost[here, there], fit.cost[here, here]
-    return bool((after <= least).all() and (before - after).mean() > least) and _usual(fit)
-
-
-def _usual(fit: OrderFit) -> bool:
-    """Whether the misfit is that of pulls with their own forces."""
-    return fit.model < USUAL_MISFIT
+    fits = bool((after <= least).all() and (before - after).mean() > least)
+    return fits and fit.model < USUAL_MISFIT
 
 
 USUAL_MISFIT = 0.1
@@ -345,7 +342,7 @@ def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | Non
     fit = ordered(moved, order)
     found = rings(fit.cost, least, least)
     fine = bool(found) and _all_fit(moved, found, least)
-    return (ordered(moved, _order(found, count)), found) if fine else None
+    return (ordered(moved, ordering(found, count)), found) if fine else None
 
 
 def _happens(ring: Ring, pose: Ints, most: bool) -> bool:
@@ -381,10 +378,12 @@ def rows_of(case: Case, data: Measured, which: Ints | slice = slice(None)) -> In
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row: Ints) -> Mistake:
-    """The mistake that rows of the loads are in each other's place."""
-    case = asked.case
-    rows = case.loads.iloc[row[list(ring.members)]]
+def of_loads(
+    asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, anchors: bool = False
+) -> Mistake:
+    """The mistake that forces in rows of the loads, and anchors, are in each other's place."""
+    case, which = asked.case, moved.pull[list(ring.members)]
+    rows = case.loads.iloc[rows_of(case, asked.reduced.data, which)]
     file = str(rows["file"].iloc[0])
     every = _keys(asked, moved)
     keys = [every[k] for k in ring.members]
@@ -402,7 +401,8 @@ def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row:
     before = float(np.sqrt(fit.cost[here, here].max()))
     after = float(np.sqrt(fit.cost[here, there].max()))
     true = {every[i]: every[j] for i, j in ring.moves}
-    what, stand = f"{file}: the forces of {in_words(ring, names)}", misplacement(ring, "row")
+    what = f"{file}: the forces{' and anchors' if anchors else ''} of {in_words(ring, names)}"
+    stand = misplacement(ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
         name="exchanged",
@@ -414,13 +414,13 @@ def of_loads(asked: Screening, moved: PullMoves, fit: OrderFit, ring: Ring, row:
         before=before,
         after=after,
         unit="sigma",
-        correct=partial(_reloaded, true=true, lost=keys[0] if ring.ended else None),
+        correct=partial(_reloaded, true=true, lost=keys[: ring.ended], anchors=anchors),
         at=at,
         places=len(moved.force) * (len(moved.force) - 1) // 2,
     )
 
 
-def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[str, ...]] | None:
+def _groups_of(case: Case, keys: Sequence[_Key]) -> tuple[str, tuple[str, ...]] | None:
     """The groups of two pulls as `a/b`, and the lines of their readings."""
     rows, names, at = case.readings, list[str](), list[str]()
     for pose, repeat in keys:
@@ -433,21 +433,16 @@ def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[
     return "/".join(sorted(names)), tuple(at)
 
 
-def _reloaded(
-    case: Case, true: dict[tuple[int, int], tuple[int, int]], lost: tuple[int, int] | None
-) -> Case:
-    """The loads with forces and masses in the rows where they belong."""
-    loads = case.loads.reset_index(drop=True)
-    keys = list(zip(loads["pose"].astype(int), loads["repeat"].astype(int), strict=True))
+def _reloaded(case: Case, true: dict[_Key, _Key], lost: Sequence[_Key], anchors: bool) -> Case:
+    """The loads with forces and masses, and anchors, in the rows where they belong."""
+    keys = zip(case.loads["pose"].astype(int), case.loads["repeat"].astype(int), strict=True)
     at = {key: k for k, key in enumerate(keys)}
-    source = np.arange(len(keys))
-    for here, there in true.items():
-        source[at[there]] = at[here]
-    moved = loads[["force_n", "mass_kg"]].iloc[source].set_axis(loads.index)
-    loads = loads.assign(force_n=moved["force_n"], mass_kg=moved["mass_kg"])
-    if lost is not None:
-        loads = loads.drop(index=at[lost])
-    return replace(case, loads=loads)
+    source = np.arange(len(at))
+    source[[at[key] for key in true.values()]] = [at[key] for key in true]
+    moved = {name: case.loads[name].array[source] for name in ("force_n", "mass_kg")}
+    loads = case.loads.assign(**moved).reset_index(drop=True).drop(index=[at[key] for key in lost])
+    named = {there: case.anchors[here] for here, there in true.items() if anchors}
+    return replace(case, loads=loads, anchors={**case.anchors, **named})
 
 
 # --- unloaded groups and pulls of a pose ----------------------------------------------------------
@@ -560,7 +555,7 @@ def _total(cost: Array) -> float:
 
 def _assigned(cost: Array) -> tuple[Ints, Array]:
     """Content of each place by the best assignment, and its misfit there [1]."""
-    order = _order(rings(cost, _APART**2, np.inf), len(cost))
+    order = ordering(rings(cost, _APART**2, np.inf), len(cost))
     return order, np.asarray(cost[order, np.arange(len(cost))])
 
 

@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
+from scipy.linalg import blas
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
@@ -222,7 +223,7 @@ class ReadRows(Locked):
     def variance(self, found: Posterior) -> Array:
         """X cov X' of each pose, shape (m, r, r), cov = R R' + C_k of the estimate."""
         dense = self.D.shape[2]
-        half = linear.by_upper(self.D.reshape(-1, dense), found.root[:dense])
+        half = by_upper(self.D.reshape(-1, dense), found.root[:dense])
         if self.knots:
             half += self._sparse @ found.root[dense:]
         half = half.reshape(*self.y.shape, -1)
@@ -231,6 +232,13 @@ class ReadRows(Locked):
             own = found.knots[self.at[:, :, None], self.at[:, None, :]]
             out += self.K @ own @ np.swapaxes(self.K, 1, 2)
         return np.asarray(out)
+
+
+def by_upper(X: Array, R: Array) -> Array:
+    """X R of rows X (M, k) by upper triangular R (k, k) and any more columns, (k, j)."""
+    k = len(R)
+    out = np.asarray(blas.dtrmm(1.0, R[:, :k].T, X.T, lower=1).T)
+    return out if R.shape[1] == k else np.column_stack([out, X @ R[:, k:]])
 
 
 def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:

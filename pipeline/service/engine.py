@@ -12,6 +12,7 @@ from pipeline.base import files
 from pipeline.base.environment import elsewhere
 from pipeline.base.shown import say
 from pipeline.service import server
+from pipeline.service.current import current
 from pipeline.service.processes import sheltered
 from pipeline.store.campaign import CampaignFolder
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:  # these types import the numerical libraries, which takes a s
 
 def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless it is current."""
-    if campaign.current() and not force:  # also reports input that no engine can read
+    if current(campaign) and not force:  # also reports input that no engine can read
         from pipeline.answer.archive import read
 
         return read(campaign)

@@ -45,6 +45,7 @@ from pipeline.library.preferences import Service, load
 from pipeline.run import run
 from pipeline.service import server as service
 from pipeline.service import watch
+from pipeline.service.current import current
 from pipeline.service.guard import Guard
 from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, event, follow, log
 from pipeline.store.campaign import CampaignFolder, every, find
@@ -246,7 +247,7 @@ def within(campaign: CampaignFolder) -> Answer:
     """Answer of a campaign, by a flow of its own unless its last run is still current."""
     campaign.fit()  # a campaign whose name cannot be shown gets no run
     with contextlib.suppress(InputError):  # an unreadable one gets a visible run, too
-        if campaign.current():
+        if current(campaign):
             return read(campaign)
     return identified(campaign)
 

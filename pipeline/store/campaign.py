@@ -274,19 +274,6 @@ class CampaignFolder:
         except InputError:
             return False
 
-    def current(self) -> bool:
-        """Whether its last run is still valid, so that no engine needs to start.
-
-        Raises:
-            InputError: It cannot be read, and trying again will not help.
-        """
-        try:
-            return self.done(self.read().key)
-        except InputError as problem:
-            if problem.passing:  # the engine reads again a little later
-                return False
-            raise
-
     @contextmanager
     def remembering(self, key: str) -> Iterator[None]:
         """Store why the block rejects an input; a block without error removes that record."""

@@ -283,16 +283,6 @@ def test_a_direction_whose_components_cancel_is_lost_with_each_of_its_parameters
     assert linear.inverse(A.T @ A) == pytest.approx(np.linalg.pinv(A.T @ A), abs=0.2)
 
 
-def test_a_product_with_a_triangle_is_that_of_all_its_entries():
-    """Columns beyond the triangle are multiplied, too, and nothing below it is read."""
-    rng = np.random.default_rng(21)
-    X, R = rng.normal(size=(7, 4)), rng.normal(size=(4, 6))
-    upper = np.hstack([np.triu(R[:, :4]), R[:, 4:]])
-
-    assert linear.by_upper(X, R) == pytest.approx(X @ upper)
-    assert linear.by_upper(X, R[:, :4]) == pytest.approx(X @ upper[:, :4])
-
-
 def test_a_cholesky_factor_solves_and_inverts():
     """As numpy, in any units, for one right side and for several; another matrix has none."""
     rng = np.random.default_rng(15)

@@ -63,19 +63,18 @@ def test_a_pull_towards_another_anchor_is_named_with_that_anchor(hall):
     assert right.readings.loc[mine, XYZ].to_numpy(float)[0] == pytest.approx(at[1], abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("beside_m", "probably"), [(9.0, "H2:"), (0.15, "H2:"), (0.03, "H4 or H2:")]
-)
-def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall, beside_m, probably):
-    """Chains from the load point straight to an anchor that the log names, all of one length.
+def to_anchors(case, at, own, beside_m=9.0):
+    """Chains from the load point straight to anchors, all of one length, which the log names.
 
-    A fourth stands above the right one: it fits as well if it is seen within a degree of it.
+    Args:
+        case: Two pulls in each of nine poses.
+        at: Places of the anchors in the frame of the tracker.
+        own: Anchor that the row of each pull names.
+        beside_m: Height of a fourth one above the second [m].
     """
-    case, at = hall
-    rows, group, turn = case.readings.copy(), "pose05_rep2_loaded", np.array([0, 1, 2])
+    rows = case.readings.copy()
     near, far = (rows[(rows["state"] == "loaded") & (rows["target"] == n)] for n in ("Pl1", "Pl2"))
-    begin, own = near[XYZ].to_numpy(float), turn[(far["pose"].to_numpy(int) - 1) % 3]
-    own[far["group"] == group] = 2  # pulled towards the second
+    begin = near[XYZ].to_numpy(float)
     u = at[own] - begin
     rows.loc[far.index, XYZ] = begin + 1.5 * u / np.linalg.norm(u, axis=1, keepdims=True)
     placed = asked(case).reduced.placed.set_index(["pose", "target", "state"]).sort_index()
@@ -84,15 +83,58 @@ def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall, beside_m,
     stated["H4"] = (*stated["H2"][:2], stated["H2"][2] + beside_m)
     settings = case.settings.model_copy(update={"anchors": stated})
     named = {(k, r): f"H{own[2 * k + r - 3] + 1}" for k in range(1, 10) for r in (1, 2)}
-    wrong = replace(case, readings=rows, settings=settings, anchors=named)
+    return replace(case, readings=rows, settings=settings, anchors=named)
+
+
+IN_TURN = np.repeat(np.arange(9) % 3, 2)
+"""Anchor of each pull."""
+
+
+@pytest.mark.parametrize(
+    ("beside_m", "probably"), [(9.0, "H2:"), (0.15, "H2:"), (0.03, "H4 or H2:")]
+)
+def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall, beside_m, probably):
+    """A fourth stands above the right one: it fits as well if it is seen within a degree of it."""
+    case, at = hall
+    own = IN_TURN.copy()
+    own[9] = 2  # pulled towards the second
+    wrong = to_anchors(case, at, own, beside_m)
 
     (found,) = wrong_anchors(asked(wrong))
 
-    assert found.where == group
+    assert found.where == "pose05_rep2_loaded"
     assert f"another anchor than H3, as its row says, probably {probably}" in found.evidence
     right = found.correct(wrong)
     assert right.readings is wrong.readings  # its end follows, as all of them do
-    assert right.anchors == named | {(5, 2): probably[:2]}
+    assert right.anchors == wrong.anchors | {(5, 2): probably[:2]}
+
+
+@pytest.mark.parametrize(
+    "true", [{(1, 1): (5, 2), (5, 2): (1, 1)}, {(2, 1): (3, 2), (3, 2): (7, 1), (7, 1): (2, 1)}]
+)
+def test_rows_of_the_loads_are_exchanged_with_the_anchors_that_they_name(hall, true):
+    """Two, and three in a ring, of other forces and towards other anchors: one finding."""
+    case, at = hall
+    right = to_anchors(case, at, IN_TURN)
+    loads = right.loads.set_index(["pose", "repeat"], drop=False)
+    own, anchors = IN_TURN.copy(), dict(right.anchors)
+    for here, there in true.items():  # row `here` has what belongs to `there`
+        loads.loc[here, "force_n"] = right.loads.set_index(["pose", "repeat"]).loc[there, "force_n"]
+        anchors[here], own[2 * here[0] + here[1] - 3] = right.anchors[there], (there[0] - 1) % 3
+    loads = loads.reset_index(drop=True)
+    wrong = replace(to_anchors(case, at, own), loads=loads)
+    assert wrong.anchors == anchors
+
+    (found,) = wrong_anchors(asked(wrong))
+
+    assert found.name == "exchanged"
+    assert {f"{r.file}:{r.line}" for r in loads.itertuples() if (r.pose, r.repeat) in true} == {
+        *found.at
+    }
+    assert "the forces and anchors of pose" in found.evidence
+    back = found.correct(wrong)
+    assert back.anchors == right.anchors
+    assert back.loads["force_n"].tolist() == right.loads["force_n"].tolist()
 
 
 def test_a_force_that_is_wrong_leaves_the_anchor(hall):

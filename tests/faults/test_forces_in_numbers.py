@@ -114,7 +114,7 @@ def test_forces_in_other_rows_are_put_back(true):
     moved = replace(EXACT, force=logged)
     given = ordered(moved, np.arange(24))
     least = moved.least
-    found = [exchanged_pulls._order(several, 24) for _, several in
+    found = [exchanged_pulls.ordering(several, 24) for _, several in
              exchanged_pulls._orders(moved, given, least, np.arange(24))]  # fmt: skip
     right = np.arange(24)
     for here, there in true.items():

@@ -122,9 +122,8 @@ def of_loads(members, ended=False, case=CASE):
         due=lambda x: (np.array([240.0, 110.0, 905.0]), None),
     )
     cost = np.array([[400.0, 4.0, 1.0], [9.0, 900.0, 2.0], [16.0, 25.0, 100.0]])
-    row, asked = np.arange(3), Some(case=case, reduced=ASKED.reduced)
-    ring = Ring(members, ended)
-    return exchanged_pulls.of_loads(asked, moved, Some(x=0, cost=cost), ring, row)
+    asked, ring = Some(case=case, reduced=ASKED.reduced), Ring(members, ended)
+    return exchanged_pulls.of_loads(asked, moved, Some(x=0, cost=cost), ring)
 
 
 def of_scale(pull, force, fits, std, p=1e-7, log=LOG):
@@ -714,7 +713,7 @@ CORRECTED = {
     "rows of the log": ("_renumbered", {"true": {3: 5, 5: 3}, "lost": None}),
     "forces of a pose": (
         "_reloaded",
-        {"true": {(3, 1): (3, 2), (3, 2): (3, 1)}, "lost": None},
+        {"true": {(3, 1): (3, 2), (3, 2): (3, 1)}, "lost": [], "anchors": False},
     ),
     "states of a pose": (
         "regrouped",
@@ -764,7 +763,11 @@ def test_what_belongs_nowhere_is_lost_in_the_correction():
     rows = exchanged._of_rows(CASE, np.array([5, 3]), Ring((1, 0), ended=True), APART_M2)
     assert rows.correct.keywords == {"true": {3: 5}, "lost": 3}
     loads = of_loads((2, 0, 1), ended=True)
-    assert loads.correct.keywords == {"true": {(4, 1): (3, 1), (3, 1): (3, 2)}, "lost": (4, 1)}
+    assert loads.correct.keywords == {
+        "true": {(4, 1): (3, 1), (3, 1): (3, 2)},
+        "lost": [(4, 1)],
+        "anchors": False,
+    }
     assert loads.where == "f.csv pose03 rep1/pose04 rep1 off by one"
 
 

@@ -103,3 +103,13 @@ def test_knots_eliminated_first_leave_the_estimate_as_it_is():
     assert rows.variance(found) == pytest.approx(X @ C @ np.swapaxes(X, 1, 2))
     density = off @ np.linalg.solve(whole, off) + np.linalg.slogdet(whole)[1]
     assert found.evidence == pytest.approx(-0.5 * density)
+
+
+def test_a_product_with_a_triangle_is_that_of_all_its_entries():
+    """Columns beyond the triangle are multiplied, too, and nothing below it is read."""
+    rng = np.random.default_rng(21)
+    X, R = rng.normal(size=(7, 4)), rng.normal(size=(4, 6))
+    upper = np.hstack([np.triu(R[:, :4]), R[:, 4:]])
+
+    assert estimate.by_upper(X, R) == pytest.approx(X @ upper)
+    assert estimate.by_upper(X, R[:, :4]) == pytest.approx(X @ upper[:, :4])

@@ -11,6 +11,7 @@ import pytest
 from filelock import FileLock
 
 from pipeline.base.errors import CannotWrite, InputError, UsageError
+from pipeline.service.current import current
 from pipeline.store import campaign as store
 from pipeline.store.campaign import CampaignFolder, find, in_memory, unfit
 
@@ -212,14 +213,14 @@ def test_a_finished_run_is_valid_until_one_of_its_outputs_changes(folder: Campai
 
 def test_a_folder_is_current_if_its_last_run_had_its_content(folder: CampaignFolder) -> None:
     """Before, and after a change, it is not; a rejection is raised, except one that passes."""
-    assert not folder.current()
+    assert not current(folder)
     finished(folder, folder.read().key)
-    assert folder.current()
+    assert current(folder)
     changed(folder, "sigma_n = 2.0", "sigma_n = 3.0")
-    assert not folder.current()
+    assert not current(folder)
     (folder.folder / "loads.csv").unlink()
     with pytest.raises(InputError, match="missing"):
-        folder.current()
+        current(folder)
 
 
 @pytest.mark.parametrize(
