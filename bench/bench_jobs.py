@@ -15,10 +15,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from pipeline.app.shell import run_all
 from pipeline.service.executor import InProcesses
+from pipeline.service.many import outcomes
 from pipeline.store.campaign import code_version
 
 PROJECT = Path(__file__).parents[1]
@@ -92,7 +94,7 @@ def _row(number: int, jobs: int) -> Row:
 def _measured(number: int, jobs: int) -> Row:
     with project(_each()) as root:
         began, used = time.perf_counter(), _processor_s()
-        done = list(run_all(root, [], "local", False, InProcesses(jobs)))
+        done = list(run_all(root, [], "local", False, partial(outcomes, InProcesses(jobs))))
         wall, used = time.perf_counter() - began, _processor_s() - used
         said = {_answer(root, one.campaign) for one in done}
     assert len(done) == _each()

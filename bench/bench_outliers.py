@@ -23,8 +23,8 @@ from pipeline.run import ingested
 from pipeline.service.executor import InProcesses, in_order
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
+from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
-from pipeline.system.variance import repeated_zeros
 
 EACH = 100
 ALLOWED = 0.005

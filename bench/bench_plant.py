@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from bench import bench_jobs
+from pipeline.answer.archive import read
 from pipeline.fleet import pages
-from pipeline.fleet.history import earlier, read
+from pipeline.fleet.history import earlier
 from pipeline.run import run as run_one
 from pipeline.store.campaign import every
 

@@ -28,7 +28,7 @@ from bench.compare import FROZEN, SIMULATED, Game, Simulated, differences, flat
 from bench.exam import JSON, Kept, code_of, package
 from bench.fuzz import bases
 from bench.league.hidden import SECRETS
-from pipeline.app.outcome import stiffness_text
+from pipeline.answer.remarks import stiffness_text
 from pipeline.base.errors import PipelineError
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -96,7 +96,7 @@ def _answered(files: Files) -> Said:
     try:
         answer = campaign_answer("same", in_memory(files)).answer
         content: Said = json.loads(dump(answer.as_json()))
-        return content | {"rounded": [stiffness_text(one) for one in answer.stiffness]}
+        return content | {"rounded": [stiffness_text(one, one.unit) for one in answer.stiffness]}
     except PipelineError as problem:
         return {"refused": str(problem)}
     except Exception as problem:  # counts, and the next one is played

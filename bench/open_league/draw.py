@@ -25,10 +25,10 @@ from bench.worlds.cell import Cell, build, random_plan
 from bench.worlds.files import raw
 from bench.worlds.noise import Bursts, Noise, Student, Wander, White
 from bench.worlds.worlds import PULLED, STATED
-from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.design.poses import default_anchors, draw_poses
 from pipeline.diagnosis.isolability import twins
+from pipeline.library.folders import replace_folder
 from pipeline.machine.robot import Robot, load
 
 SEEDS = Path(__file__).with_name("seeds.txt")
@@ -102,7 +102,7 @@ def draw(fixture: Fixture, games: Path) -> None:
     content["campaign.toml"] = content["campaign.toml"].replace(
         b'name = "game"', f'name = "{fixture.name}"'.encode()
     )
-    files.replace_folder(games / fixture.name, content)
+    replace_folder(games / fixture.name, content)
     truths.write(games / fixture.name / "truth.json", _truth(fixture, whole, force))
 
 

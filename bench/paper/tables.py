@@ -148,9 +148,7 @@ def reproduce(robot: Robot, seed: int, repetitions: int = 200, poses: int = 1000
     published = published_plan(problem, paper)
     better = _better(problem, seeds[0])
     table = paper["table_ii"]
-    sizes = by_size(
-        problem, table["poses"], table["readings"], seed, Effort(first=0, rounds=1, poses=384)
-    )
+    sizes = by_size(problem, table["poses"], table["readings"], seed)
     around = np.linspace(problem.anchor_lower[0], problem.anchor_upper[0], PLACES)
     anchors = by_anchor(problem, published, around, seed)
     draws = {
