@@ -88,7 +88,8 @@ def judge(case: Case, played: Played) -> Outcome:
     moved = _moved(case, before, reported)
     if case.meant:
         return Outcome("meant" if moved else "same")
-    if moved and reported.rejected == before.rejected and _stands(reported):
+    told = reported.factor and _factor(before, reported) is not None
+    if moved and reported.rejected == before.rejected and _stands(reported) and not told:
         return Outcome("misled", f"{reported.verdict}, {reported.reason}, {moved}")
     if new := reported.words - before.words:
         return Outcome("said", "; ".join(sorted(new))[:200])
@@ -128,6 +129,12 @@ def _one_factor(before: Reported, after: Reported) -> bool:
     Up to `GAIN` always, and any factor if the robot file states no stiffness for comparison;
     scale_gain is then among the blind spots.
     """
+    factor = _factor(before, after)
+    return factor is not None and (1 / GAIN < factor < GAIN or not after.nominal)
+
+
+def _factor(before: Reported, after: Reported) -> float | None:
+    """The factor by which all compliances have changed; None if they have not changed alike."""
     pairs = [
         (new / old, ((s_old / old) ** 2 + (s_new / new) ** 2) ** 0.5)
         for old, s_old, new, s_new in zip(
@@ -136,11 +143,11 @@ def _one_factor(before: Reported, after: Reported) -> bool:
         if old and new and s_old is not None and s_new is not None
     ]
     if not pairs or min(ratio for ratio, _ in pairs) <= 0:
-        return False
+        return None
     weights = [1 / max(std, 1e-9) ** 2 for _, std in pairs]
     factor = sum(w * r for w, (r, _) in zip(weights, pairs, strict=True)) / sum(weights)
     alike = all(abs(ratio / factor - 1) < SIGMAS * std + 1e-3 for ratio, std in pairs)
-    return alike and (1 / GAIN < factor < GAIN or not after.nominal)
+    return factor if alike else None
 
 
 def _sentence(case: Case, played: Played) -> str:

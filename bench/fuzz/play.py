@@ -47,6 +47,7 @@ class Reported:
         std: Their standard uncertainties; None if not determined.
         p_value: Of the misfit; None without a stated noise.
         nominal: Whether the robot file states stiffnesses.
+        factor: Whether all stiffnesses are said to be one factor off the file's.
         not_finite: Columns with numbers that are not finite although their schema excludes that.
     """
 
@@ -59,6 +60,7 @@ class Reported:
     std: tuple[float | None, ...] = ()
     p_value: float | None = None
     nominal: bool = True
+    factor: bool = False
     not_finite: list[str] = field(default_factory=list)
 
 
@@ -231,6 +233,7 @@ def _read(played: Played, found: CampaignAnswer, shown: bool) -> None:
     reported.compliance = tuple(spring["compliance"] for spring in answer["stiffness"])
     reported.std = tuple(spring["compliance_std"] for spring in answer["stiffness"])
     reported.p_value = answer["fit"]["p_value"]
+    reported.factor = "common_factor" in answer
     played.unreadable = tuple(
         _unreadable({"model.toml": dumps(found.model).encode(), **simulators(found.model)})
     )

@@ -196,6 +196,17 @@ def test_another_answer_that_is_said_to_hold_misleads(before):
 
 
 @pytest.mark.whole
+def test_one_factor_on_all_forces_misleads_nobody_who_is_told(before):
+    """That all stiffnesses are twice the file's is said beside a joint's zero that is explained."""
+    half = [None if c is None else c / 2 for c in before.compliance]
+    said = replace(before, compliance=tuple(half), words={"cause"}, verdict="explained")
+
+    assert answered_as(replace(said, factor=True)).word == "said"
+    assert answered_as(said).word == "misled"
+    assert answered_as(replace(softer(said), factor=True)).word == "misled"
+
+
+@pytest.mark.whole
 def test_a_blind_spot_covers_only_its_own_mutation(before):
     """A change that a listed blind spot owns up to is said; without the listing it is not."""
     off = Mutation("points:", NOTHING.act, covered=("load_point_offset",))
