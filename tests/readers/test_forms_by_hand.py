@@ -94,6 +94,28 @@ def test_a_cell_with_its_own_unit_is_converted(title, cell, newtons):
     assert rows[1][2] == pytest.approx(newtons, rel=1e-12)
 
 
+@pytest.mark.parametrize("first", ["2.5 kN", "3 mm", "1.2 kgf"])
+def test_a_unit_in_the_first_row_is_that_of_its_cell(first):
+    """As in any other row: it neither renames a column of ours nor makes it disappear."""
+    head = "pose,repeat,force_n,mass_kg,mass_sigma_kg,payload\n"
+    rows, log = read(f"{head}1,1,{first},,,\n1,2,700,,,\n2,1,,50,20 g,\n")
+    first_mass = logs.loads("f.csv", f"{head}1,1,,50,20 g,\n1,2,,60,0.1,\n2,1,,,,20 kg\n".encode())
+
+    assert (2 in [n for _, n, _ in log.rejected]) == ("mm" in first)
+    assert rows[-2][2] == 700
+    assert first_mass.number["mass_sigma"][:2] == pytest.approx([0.02, 0.1])
+    assert first_mass.word["payload"].tolist() == ["", "", "20 kg"]
+
+
+def test_a_unit_behind_the_number_of_a_first_pull_is_none():
+    """The pulls are not numbered anew, as in a log without that column."""
+    _, log = read("pose,repeat,force_n\n1,2 m,700\n1,1,800\n2,1,500\n")
+
+    assert [n for _, n, _ in log.rejected] == [2]
+    named = logs.loads("f.csv", b"pose,repeat,payload\n1,1,20 kg\n2,1,40 kg\n")
+    assert named.word["payload"].tolist() == ["20 kg", "40 kg"]
+
+
 def test_a_unit_of_another_quantity_is_refused():
     _, log = read("pose,repeat,force_n\n1,1,700\n1,2,3 mm\n2,1,500\n")
 
