@@ -2,6 +2,7 @@
 
 import pytest
 
+from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
 from pipeline.machine.robot import load
@@ -120,6 +121,17 @@ def test_a_unit_of_another_quantity_is_refused():
     _, log = read("pose,repeat,force_n\n1,1,700\n1,2,3 mm\n2,1,500\n")
 
     assert [n for _, n, _ in log.rejected] == [3]
+
+
+@pytest.mark.parametrize("cell", ["12°30'15\"", "12-30-15.5", "12d30m15s"])
+def test_degrees_minutes_and_seconds_are_no_force(cell):
+    """Nor a coordinate: only a column of angles may hold them."""
+    _, log = read(f"pose,repeat,force_n\n1,1,700.5\n1,2,{cell}\n2,1,500.5\n")
+    rows = f"g,P1,1.5,2.5,3.5\ng,P2,{cell},2.5,3.5\n"
+    export = readers.read("t.csv", f"group,target,x_mm,y_mm,z_mm\n{rows}".encode())
+
+    assert [n for _, n, _ in log.rejected] == [3]
+    assert [n for n, _ in export.rejected] == [3]
 
 
 def test_a_unit_behind_every_number_against_the_title():
