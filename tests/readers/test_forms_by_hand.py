@@ -117,6 +117,14 @@ def test_a_unit_behind_the_number_of_a_first_pull_is_none():
     assert named.word["payload"].tolist() == ["20 kg", "40 kg"]
 
 
+def test_a_column_that_is_there_twice_is_named_so():
+    """A repeated title of ours is not one of each pull before it."""
+    with pytest.raises(InputError, match="there are two columns theta2_deg"):
+        logs.joints(
+            "j.csv", b"pose,theta1_deg,theta2_deg,theta2_deg\n1,2.5,3.5,3.5\n", load("ur10")
+        )
+
+
 def test_a_unit_of_another_quantity_is_refused():
     _, log = read("pose,repeat,force_n\n1,1,700\n1,2,3 mm\n2,1,500\n")
 
