@@ -38,6 +38,8 @@ _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
 """Entries of such a line for columns without a unit: a number, a text, or a time format."""
+_OF_COUNTS = ("", "1", "-", "–", "—", "#")
+"""Units in the title of a column that has none."""
 _COMPLETE = re.compile(
     rf".+_(?:{'|'.join(sorted(UNITS))}|c|pulses|si)"
     r"|(?:pose|repeat|pose_repeat|payload|branch|anchor|group|approach|target|series|time|remark)"
@@ -229,7 +231,7 @@ def _ours(titles: Sequence[str], stated: Mapping[str, str]) -> list[str]:
 
 def _suffixed(title: str) -> str:
     stem, unit = parted(title)
-    end = f"_{unit.replace('°', 'deg')}" if unit else ""
+    end = f"_{unit.replace('°', 'deg')}" if unit not in _OF_COUNTS else ""
     return stem.removesuffix(end) + end
 
 

@@ -117,6 +117,14 @@ def test_a_unit_behind_the_number_of_a_first_pull_is_none():
     assert named.word["payload"].tolist() == ["20 kg", "40 kg"]
 
 
+@pytest.mark.parametrize("unit", ["1", "-", "#"])
+def test_the_unit_of_a_number_of_a_pull_is_one(unit):
+    """Its numbers are read, not counted."""
+    rows, _ = read(f"Pose [{unit}],Repeat [{unit}],force_n\n1,3,900\n1,1,700\n2,2,800\n")
+
+    assert rows == [(1, 3, 900), (1, 1, 700), (2, 2, 800)]
+
+
 def test_a_column_that_is_there_twice_is_named_so():
     """A repeated title of ours is not one of each pull before it."""
     with pytest.raises(InputError, match="there are two columns theta2_deg"):
