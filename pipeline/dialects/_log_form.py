@@ -41,7 +41,7 @@ _NO_UNIT = re.compile(
 _OF_COUNTS = ("", "1", "-", "–", "—", "#")
 """Units in the title of a column that has none."""
 _COMPLETE = re.compile(
-    rf".+_(?:{'|'.join(sorted(UNITS))}|c|pulses|si)"
+    rf".+_(?:{'|'.join(sorted(UNITS))}|kg|kp|c|pulses|si)"
     r"|(?:pose|repeat|pose_repeat|payload|branch|anchor|group|approach|target|series|time|remark)"
     r"(?:_[0-9]+)?"
 )

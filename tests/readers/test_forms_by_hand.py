@@ -113,6 +113,8 @@ def test_a_unit_behind_the_number_of_a_first_pull_is_none():
     _, log = read("pose,repeat,force_n\n1,2 m,700\n1,1,800\n2,1,500\n")
 
     assert [n for _, n, _ in log.rejected] == [2]
+    weights = logs.loads("f.csv", b"pose,mass_kg,mass_sigma_kg\n1,20,5mm\n2,20m,0.1\n3,20,0.1\n")
+    assert [n for _, n, _ in weights.rejected] == [2, 3]
     named = logs.loads("f.csv", b"pose,repeat,payload\n1,1,20 kg\n2,1,40 kg\n")
     assert named.word["payload"].tolist() == ["20 kg", "40 kg"]
 
