@@ -36,8 +36,8 @@ _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}
 
 _AT_LINE = re.compile(r"\(at line (\d+),")
 """Position in messages of `tomllib`; at the end of the text there is none."""
-_DECIMAL_COMMA = re.compile(r"=\s*\[?\s*[-+]?\d+,\d")
-"""A number with a decimal comma at the beginning of a value."""
+_DECIMAL_COMMA = re.compile(r"=\s*\[?\s*[-+]?\d+,\d[^.]*$")
+"""A number with a decimal comma at the beginning of a value that has no decimal point."""
 
 
 def loads(text: str, file: str, most: int = LARGEST_TEXT) -> dict[str, Any]:
@@ -60,9 +60,10 @@ def loads(text: str, file: str, most: int = LARGEST_TEXT) -> dict[str, Any]:
     try:
         content = tomllib.loads(text)
     except (ValueError, RecursionError) as problem:
-        why = "nested too deeply" if isinstance(problem, RecursionError) else problem
+        own = {RecursionError: "nested too deeply", ValueError: "a number of thousands of digits"}
+        why = own.get(type(problem), problem)
         raise _invalid(text, f"not valid TOML ({why})", file) from problem
-    _numbers_of_64_bits(content, file)
+    _numbers_of_64_bits(content, text, file)
     return content
 
 
@@ -80,17 +81,16 @@ def remedy(text: str, line: int | None, usual: str) -> str:
     return "write numbers with a decimal point" if commas else usual
 
 
-def _numbers_of_64_bits(content: Mapping[str, Any], file: str) -> None:
-    left: list[Any] = [content]
+def _numbers_of_64_bits(content: Mapping[str, Any], text: str, file: str) -> None:
+    left: list[Any] = [([], content)]
     while left:
-        value = left.pop()
-        if isinstance(value, Mapping):
-            left += value.values()
-        elif isinstance(value, list):
-            left += value
+        path, value = left.pop()
+        if isinstance(value, Mapping | list):
+            inner = value.items() if isinstance(value, Mapping) else enumerate(value)
+            left += (([*path, key], one) for key, one in inner)
         elif isinstance(value, int) and not -_LARGEST_NUMBER <= value < _LARGEST_NUMBER:
-            thing = "a whole number has more than 64 bits"
-            raise InputError(thing, "correct it, or write it with a point", file=file)
+            thing, line = "a whole number has more than 64 bits", line_of(text, path)
+            raise InputError(thing, "correct it, or write it with a point", file=file, line=line)
 
 
 def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:

@@ -85,7 +85,7 @@ def _columns(
     cells = spread(_trimmed, written, much)
     bare = {k: _without(cells[k], field)
             for k, field in enumerate(fields) if field.kind == "number"}  # fmt: skip
-    numbers = {k: _bare_numbers(one) for k, (one, _) in bare.items()}
+    numbers = {k: _bare_numbers(one, _may_be_angle(fields[k])) for k, (one, _) in bare.items()}
     mark = layout.decimal or decimal_mark([*numbers.values()], line, layout.table)
     layout = replace(layout, decimal=mark)
     columns = spread(
@@ -178,15 +178,26 @@ def _in_unit(column: _RawColumn, factor: Array | None) -> _RawColumn:
     return replace(column, values=pc.multiply(column.values, pa.array(factor)))
 
 
-def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:
-    """Normalise numbers as people write them, if there are any."""
+def _may_be_angle(field: Field) -> bool:
+    """Whether a column may hold angles, by its units or, if none are known, by its name."""
+    return "deg" in field.units if field.units else field.name not in ("x", "y", "z")
+
+
+def _bare_numbers(cells: pa.StringArray, turning: bool) -> pa.StringArray:
+    """Normalise numbers as people write them, if there are any; angles only in a `turning` column.
+
+    In any other one degrees, minutes and seconds are no number.
+    """
     letters = _letters(cells)
-    plain = letters.min(initial=_LAST) > ord("'") and letters.max(initial=0) <= ord("9")
-    turns = any(map(is_turn, cells[:_GLIMPSE].to_pylist()))
-    if plain and not turns and not ((letters == ord(",")).any() and (letters == ord(".")).any()):
+    usual = letters.min(initial=_LAST) > ord("'") and letters.max(initial=0) <= ord("9")
+    turns = turning and any(map(is_turn, cells[:_GLIMPSE].to_pylist()))
+    if usual and not turns and not ((letters == ord(",")).any() and (letters == ord(".")).any()):
         return cells
     odd = pc.match_substring_regex(cells, NOT_IN_NUMBERS)
-    bare = pa.array(map(bare_number, cells.filter(odd).to_pylist()), pa.string())
+    plain = [
+        c if is_turn(c) and not turning else bare_number(c) for c in cells.filter(odd).to_pylist()
+    ]
+    bare = pa.array(plain, pa.string())
     return pc.replace_with_mask(cells, odd, bare)
 
 

@@ -38,6 +38,14 @@ _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
 """Entries of such a line for columns without a unit: a number, a text, or a time format."""
+_OF_COUNTS = ("", "1", "-", "–", "—", "#")
+"""Units in the title of a column that has none."""
+_COMPLETE = re.compile(
+    rf".+_(?:{'|'.join(sorted(UNITS))}|kg|kp|c|pulses|si)"
+    r"|(?:pose|repeat|pose_repeat|payload|branch|anchor|group|approach|target|series|time|remark)"
+    r"(?:_[0-9]+)?"
+)
+"""Our names of columns, which say their unit or have none, whatever is behind a number below."""
 
 
 def opened(
@@ -167,7 +175,7 @@ def _header(line: int, content: str, next_line: str | None) -> LogHeader:
         return LogHeader(line, line + lines, delimiter, tuple(titles), none)
     units = tuple(map(_unit_below, below))
     of_units = any(units) and {unit.lower() for unit in units} <= BELOW
-    behind = none if of_units else tuple(map(_unit_behind, below))
+    behind = none if of_units else tuple(map(_unit_behind, titles, below))
     joined = map(with_unit, titles, units if of_units else behind)
     return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
 
@@ -189,8 +197,10 @@ def _marked(line: str) -> str:
     return re.sub(r"^\s*(?:%|#|!|//)+[ \t]*(?=[^\W\d_])", "", line)
 
 
-def _unit_behind(cell: str) -> str:
-    """The unit after the number in a cell; empty if there is none."""
+def _unit_behind(title: str, cell: str) -> str:
+    """The unit after the number in a cell; empty if there is none, or the title needs none."""
+    if _COMPLETE.fullmatch(title.lower()):
+        return ""
     found = _WITH_UNIT.fullmatch(cell.strip())
     known = found and is_number(found[1]) and found[2].lower() in BELOW
     return found[2] if found and known else ""
@@ -221,7 +231,7 @@ def _ours(titles: Sequence[str], stated: Mapping[str, str]) -> list[str]:
 
 def _suffixed(title: str) -> str:
     stem, unit = parted(title)
-    end = f"_{unit.replace('°', 'deg')}" if unit else ""
+    end = f"_{unit.replace('°', 'deg')}" if unit not in _OF_COUNTS else ""
     return stem.removesuffix(end) + end
 
 

@@ -32,10 +32,11 @@ def _apart(titles: Sequence[str]) -> list[str]:
 
     `Pull 1 kg`, `Hook`, `Pull 2 kg`, `Hook` are what each pull was and where it was hooked.
     """
-    again = {one for one in titles if one and titles.count(one) > 1 and not is_number(one)}
+    digit = re.compile("[0-9]").search  # a title with a number of its own is there twice
+    again = {one for one in titles if one and titles.count(one) > 1 and not digit(one)}
     both = enumerate(pairwise(["", *titles]))
     heads = {k: before for k, (before, one) in both if one in again}
-    numbered = all(re.search("[0-9]", one) for one in heads.values())
+    numbered = all(map(digit, heads.values()))
     if not numbered or len({*heads.values()}) < len(heads):
         return [*titles]
     return [f"{heads[k]} {one}" if k in heads else one for k, one in enumerate(titles)]

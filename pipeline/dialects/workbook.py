@@ -10,10 +10,10 @@ import datetime
 import io
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import IO, Any
 
 from python_calamine import CalamineError, CalamineSheet, CalamineWorkbook, SheetTypeEnum
 
@@ -45,6 +45,11 @@ _MILLISECOND = 1000
 """Resolution of times [us]; Excel displays no finer times, and stores days as numbers that are
 accurate to 1 us."""
 _BREAKS = re.compile(r"[\t\r\n]+")
+_HAS_ERROR = re.compile(rb"""\st\s*=\s*["']e["']""")
+_ERROR = re.compile(rb"""(<(?:[^\s<>/]+:)?c\s[^<>]*?\bt\s*=\s*["'])e(?=["'])""")
+"""Type of a cell that holds an error, as `#N/A`; the whole beginning of such a cell."""
+_SHEETS = "xl/worksheets/"
+"""Folder of the sheets in a workbook."""
 
 
 def opened(
@@ -73,7 +78,7 @@ def sheets(
     table: str | None = None,
 ) -> dict[str, Text]:
     """The sheets of a workbook that are not empty, or the one that is named; as for `opened`."""
-    _bounded(data)
+    data = _legible(data) if _bounded(data) else data
     try:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
@@ -190,8 +195,11 @@ def _time(value: datetime.datetime) -> datetime.datetime:
     return value.replace(microsecond=0) + datetime.timedelta(microseconds=whole)
 
 
-def _bounded(data: bytes) -> None:
+def _bounded(data: bytes) -> bool:
     """Check the size of a workbook and of its parts, without trusting their stated sizes.
+
+    Returns:
+        Whether some cell may hold an error.
 
     Raises:
         InputError: It is too large, or not a workbook.
@@ -205,14 +213,39 @@ def _bounded(data: bytes) -> None:
                 raise InputError(f"the workbook unpacked {too_large(size, _UNPACKED)}", _SMALLER)
             if "xl/workbook.xml" not in packed.namelist():
                 raise InputError("the file is a ZIP archive and no workbook", "unpack it")
-            for one in packed.infolist():
-                _as_said(packed, one)
+            return sum(_as_said(packed, one) for one in packed.infolist()) > 0
     except UNREADABLE_ZIP as problem:
         thing = f"the workbook is damaged ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
 
 
 _SMALLER = "save the sheet as CSV, which may be larger"
+
+
+def _legible(data: bytes) -> bytes:
+    """A workbook whose errors (`#N/A`) are text; the reader takes them for empty cells."""
+    out = io.BytesIO()
+    with (
+        zipfile.ZipFile(io.BytesIO(data)) as packed,
+        zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as copied,
+    ):
+        for one in packed.infolist():
+            with packed.open(one) as part, copied.open(one.filename, "w", force_zip64=True) as to:
+                for piece in _elements(part):
+                    of_sheet = one.filename.startswith(_SHEETS)
+                    to.write(_ERROR.sub(rb"\1str", piece) if of_sheet else piece)
+    return out.getvalue()
+
+
+def _elements(part: IO[bytes]) -> Iterator[bytes]:
+    """A part in pieces that end where an element begins, unless one is longer than a piece."""
+    left = b""
+    while piece := part.read(_PIECE):
+        left += piece
+        cut = left.rfind(b"<") if len(left) <= 2 * _PIECE else len(left)
+        yield left[: max(cut, 0)]
+        left = left[max(cut, 0) :]
+    yield left
 
 
 def _spanned(piece: bytes) -> tuple[int, int]:
@@ -222,13 +255,17 @@ def _spanned(piece: bytes) -> tuple[int, int]:
     return max(named, default=0), max((int(row) for _, row in places), default=0)
 
 
-def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
-    """Check that a part is no longer than stated; zipfile stops there, but later readers do not."""
+def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> bool:
+    """Check that a part is no longer than stated; zipfile stops there, but later readers do not.
+
+    Returns:
+        As `_bounded`, of this part.
+    """
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which belongs to the stated length
     found = cells = rows = columns = counted = unfinished = 0
-    before = b""
+    before, errors = b"", False
     with packed.open(longer) as part:
         for piece in iter(lambda: part.read(_PIECE), b""):
             found, seen = found + len(piece), before[-_REFERENCE:] + piece
@@ -245,6 +282,7 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
             if rows * columns > _MOST_SPANNED:
                 thing = f"a sheet spans {columns} columns and {rows} rows, most of them empty"
                 raise InputError(thing, _SMALLER)
-            before = piece
+            before, errors = piece, errors or _HAS_ERROR.search(seen) is not None
     if found > one.file_size:
         raise zipfile.BadZipFile(f"{one.filename} is longer than it says")
+    return errors

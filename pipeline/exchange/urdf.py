@@ -231,6 +231,8 @@ def _body(element: ET.Element, file: str) -> LinkMass | None:
         return None
     whose = f"link {element.get('name')}"
     mass = float(_numbers(inertial.find("mass"), "value", "0", whose, file)[0])
+    if mass < 0:
+        raise InputError(f"{whose}: its mass is {mass:g} kg", "correct the URDF", file=file)
     return LinkMass(mass, _pose(inertial.find("origin"), whose, file)[:3, 3]) if mass > 0 else None
 
 

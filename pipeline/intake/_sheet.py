@@ -231,14 +231,28 @@ def _are_titles(cells: Sequence[str], found: _Rows) -> bool:
 
 
 def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: str | None) -> int:
-    """Line of the first row below the titles, even an unreadable one, which is then reported."""
+    """Line of the first row, even an unreadable one, which is then reported.
+
+    Below titles any line of as many cells is one; without titles, one that lacks a number only.
+    """
     for number, line in above if header else ():
         if number <= header or not is_plain(line, mark) or _RULE.fullmatch(line):
             continue
         cells = _fitting(line, found, mark)
         if cells and not _are_units(cells):
             return number
-    return found.rows[0][0]
+    first = found.rows[0][0]
+    for number, line in () if header else reversed(above):
+        if not (is_plain(line, mark) and _nearly_a_row(_fitting(line, found, mark), found)):
+            break
+        first = number
+    return first
+
+
+def _nearly_a_row(cells: Sequence[str] | None, found: _Rows) -> bool:
+    """Whether a line has all but one of a point's numbers, where the first row has numbers."""
+    both = zip(cells or (), found.rows[0][1], strict=False)
+    return sum(is_number(own) and is_number(below) for own, below in both) >= _LEAST - 1
 
 
 def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:

@@ -54,6 +54,7 @@ from pipeline.positions.estimate import determined_joints as by_weight
 from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import layout
 from pipeline.positions.pose_errors import unusual
+from pipeline.positions.position_rows import farther_than_real
 from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.positions.table_entries import table_combinations, table_entries
 from pipeline.store.campaign import Raw
@@ -140,7 +141,12 @@ def answer(results: PositionsResults) -> Answer:
         budget=(),
         noise=contract.FoundNoise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected,
-        findings=(*contradicted(payloads, "positions"), *_untested(payloads), *_instrument(found)),
+        findings=(
+            *(f"{capital(one)}." for one in farther_than_real(_nominal_m(found))),
+            *contradicted(payloads, "positions"),
+            *_untested(payloads),
+            *_instrument(found),
+        ),
         registration=None,
         identity=identity_entry(
             raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
@@ -402,6 +408,11 @@ def _step(stage: StageResult) -> contract.PositionStep:
 def _called(robot: Robot, joint: int) -> str:
     """`joint 3 (A2)`."""
     return in_place(joint, axis=alone(robot)[joint - 1]).removeprefix(" in ")
+
+
+def _nominal_m(found: Study) -> float:
+    """Distance of targets of held-out poses from the robot as delivered [m], a mean."""
+    return found.stages[0].mean(Partition.BETWEEN)
 
 
 def _instrument(found: Study) -> Iterator[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,13 +16,9 @@ from pipeline.faults.mistake import Mistake
 from pipeline.positions.initial import begin
 from pipeline.positions.left_out import distances
 from pipeline.positions.mechanism import linearised
-from pipeline.positions.position_rows import PositionSheet, position_rows
+from pipeline.positions.position_rows import PositionSheet, farther_than_real, position_rows
 from pipeline.positions.positioned import Positioned, as_read, usable
 from pipeline.store.campaign import Raw
-
-_FAR_M = 0.02
-"""Median distance of the targets from the nominal robot [m] above which a unit, a sense or a
-convention is wrong: errors of tables are millimetres."""
 
 
 def of_positions(name: str, raw: Raw) -> Outcome:
@@ -35,8 +30,9 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     readings, off_m = read.readings, _off_m(raw, read)
     rejected = rejected_entries(read.rejected)
     series = [str(one) for one in readings.names]
-    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *_far(off_m)]
-    todo = f"pipeline {'run' if off_m <= _FAR_M else 'check'} {typed(name)}"
+    far = [*farther_than_real(off_m)]
+    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *far]
+    todo = f"pipeline {'check' if far else 'run'} {typed(name)}"
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
     off = f"{plain(1e3 * off_m, 2)}"
     count = ", ".join(f"{number} {what}" for what, number in used.items())
@@ -56,7 +52,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
                 f"{name}: {count}",
                 f"  series       {listed(one or 'one' for one in series)}",
                 f"  stands       {off} mm from the table, median, tool and frames fitted",
-                f"  next         {'' if off_m <= _FAR_M else 'look into this, then: '}{todo}",
+                f"  next         {'look into this, then: ' if far else ''}{todo}",
             ]
         ),
         exit_code=InputError.exit_code if [*rejected, *wrong] else 0,
@@ -78,13 +74,3 @@ def _off_m(raw: Raw, read: Positioned) -> float:
     start = begin(raw.robot, read.readings, points)
     rows = linearised(read.readings, start, read.weights)
     return float(np.nanmedian(distances(rows.y, rows.read)))
-
-
-def _far(off_m: float) -> Iterator[str]:
-    """Remark that the targets are far from the nominal robot."""
-    if off_m > _FAR_M:
-        yield (
-            f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
-            "places them, farther than on any real robot: check the units and signs of the joint "
-            "values and the robot file"
-        )

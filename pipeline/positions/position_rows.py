@@ -19,6 +19,7 @@ from scipy import optimize
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.quantities import plain
 from pipeline.faults.assignment import (
     OUTSTANDING_MISFIT,
     Ring,
@@ -277,8 +278,33 @@ _MOST_NAMES = 4
 """Maximum number of targets of which every permutation of names is tried."""
 
 
+_OTHER_UNITS = {
+    10.0: ("cm", "the numbers are centimetres and were read as millimetres"),
+    1e-2: ("cm", "the numbers are centimetres and were read as metres"),
+    304.8: ("ft", "the numbers are feet and were read as millimetres"),
+    0.3048: ("ft", "the numbers are feet and were read as metres"),
+}
+"""Units that no title of a table of positions can state, as `UNITS`."""
+
+_FAR_M = 0.02
+"""Median distance of the targets from the nominal robot [m] above which a unit, a sense or a
+convention is wrong: errors of tables are millimetres."""
+
+
+def farther_than_real(off_m: float) -> Iterator[str]:
+    """Remark that the targets are so far [m] from the nominal robot as on no real one."""
+    if off_m > _FAR_M:
+        yield (
+            f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file places them, "
+            "farther than on any real robot: check the units and signs of the joint values and "
+            "the robot file"
+        )
+
+
 def _coordinates() -> Iterator[_Guess]:
     """Wrong units of all coordinates or of one, and a left-handed frame."""
+    for factor, (unit, says) in _OTHER_UNITS.items():
+        yield _Guess("unit_mixup", unit, says, partial(_scaled, names=AXES, factor=factor))
     for factor, (unit, says) in UNITS.items():
         yield _Guess("unit_mixup", unit, says, partial(_scaled, names=AXES, factor=factor))
         for axis in AXES:

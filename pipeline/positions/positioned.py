@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NoReturn
 
 import numpy as np
 import pandas as pd
@@ -11,10 +12,12 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints
-from pipeline.base.errors import InputError, listed
+from pipeline.base.errors import InputError
+from pipeline.base.shown import in_toml
 from pipeline.machine.robot import Robot
 from pipeline.positions.mechanism import ArmWeights, Payloads
 from pipeline.positions.readings import PositionReadings
+from pipeline.readers._log_table import whole_numbers
 from pipeline.readers.export_settings import OWN_LOG, LogForm
 from pipeline.readers.logs import (
     ANGLE,
@@ -27,6 +30,7 @@ from pipeline.readers.logs import (
     joint_values,
     with_joints,
 )
+from pipeline.readers.pose_names import shown
 from pipeline.reduction.limits import LEEWAY
 from pipeline.reduction.settings import PositionsSettings, Settings
 from pipeline.tables import SOURCE, TARGET, number, promise, text
@@ -67,44 +71,60 @@ def as_read(
     """Every valid row of the tables, whatever its joint values, and the rejected rows.
 
     Raises:
-        InputError: A file is missing or cannot be trusted.
+        InputError: A file is missing or cannot be trusted, no row is left, or a payload is unknown.
     """
     stated = settings.positions
     assert stated is not None
     logs = [_log(settings, stated, robot, raw, name) for name in stated.named]
     rows = pd.concat([_rows(log, robot, stated) for log in logs], ignore_index=True)
-    return rows, [one for log in logs for one in log.rejected]
+    rejected = [one for log in logs for one in log.rejected]
+    if rows.empty:
+        _too_few(0, stated, rejected)
+    unknown = rows[~rows["payload"].isin(["", *settings.payload])]
+    for name, file, line in unknown[["payload", "file", "line"]].to_numpy(object)[:1]:
+        raise InputError(
+            f'payload "{name}" is not known',
+            f"give it a table [payload.{in_toml(name)}] in campaign.toml",
+            file=file,
+            line=int(line),
+        )
+    return rows, rejected
 
 
 def usable(
     settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: _RejectedRows
 ) -> Positioned:
-    """The rows within the robot's limits, pose by pose.
+    """The rows within the robot's limits that do not contradict each other, pose by pose.
 
     Raises:
-        InputError: A payload is unknown, or too few poses are left.
+        InputError: Too few poses are left.
     """
     stated = settings.positions
     assert stated is not None
     rows, beyond = _within_limits(rows, robot)
-    rejected = [*rejected, *beyond]
-    unknown = sorted(set(rows["payload"]) - {"", *settings.payload})
-    if unknown:
-        raise InputError(
-            f"payload {listed(unknown)} is not known",
-            f"give it a table [payload.{unknown[0]}] in campaign.toml",
-            file=str(rows["file"].iloc[0]),
-        )
+    rows, apart = _of_one_pose(rows, robot)
+    rejected = [*rejected, *beyond, *apart]
     frame = pd.DataFrame(rejected, columns=["file", "line", "reason"])
     poses = rows.groupby(["series", "pose"], sort=False, observed=True)
     if poses.ngroups < _FEWEST:
-        raise InputError(
-            f"{poses.ngroups} poses are left, of at least {_FEWEST}",
-            "measure more, or correct the rows that were left out",
-            file=stated.named[0],
-        )
+        _too_few(poses.ngroups, stated, rejected)
     readings = by_pose(rows, robot, settings)
     return Positioned(readings, weights_of(settings, readings), frame, rows)
+
+
+def _too_few(poses: int, stated: PositionsSettings, rejected: _RejectedRows) -> NoReturn:
+    """Refuse a table with too few poses, by the first row that was left out if there is one."""
+    few = f"{poses} poses are left, of at least {_FEWEST}"
+    if not rejected:
+        raise InputError(few, "measure more", file=stated.named[0])
+    file, line, reason = rejected[0]
+    why, _, way_out = reason.partition("; ")
+    raise InputError(
+        f"{why}, and so {len(rejected)} rows in all are left out: {few}",
+        way_out or "correct the rows that were left out",
+        file=file,
+        line=line,
+    )
 
 
 def weights_of(settings: Settings, readings: PositionReadings) -> ArmWeights:
@@ -170,6 +190,28 @@ def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, _Rej
             f"joint {joint.name} is beyond the limits of the robot file; correct or remove the row",
         ))  # fmt: skip
     return rows[~bad].reset_index(drop=True), out
+
+
+_SAME_POSE = 2e-3
+"""Largest difference of joint values stated for one pose [rad] or [m], as between two days."""
+
+
+def _of_one_pose(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, _RejectedRows]:
+    """The rows that state what most rows of their pose do, and the rejected ones.
+
+    If as many state one thing as another, all rows of the pose are rejected.
+    """
+    pose = rows.groupby(["series", "pose"], sort=False, observed=True)
+    names = [joint.name for joint in robot.joints]
+    off = (rows[names] - pose[names].transform("median")).abs().max(axis=1) > _SAME_POSE
+    loads = pose["payload"].transform("nunique") > 1
+    out: _RejectedRows = []
+    for k in np.flatnonzero(off | loads).tolist():
+        what = "joint values" if off[k] else "a payload"
+        file, line, number = (rows[one].iloc[k] for one in ("file", "line", "pose"))
+        why = f"has {what} that other rows of pose {shown(int(number))} contradict"
+        out.append((str(file), int(line), f"{why}; correct it, or number it as another pose"))
+    return rows[~(off | loads)].reset_index(drop=True), out
 
 
 def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionReadings:
@@ -248,7 +290,9 @@ def positions(name: str, data: bytes, robot: Robot, stated: LogForm = OWN_LOG) -
     others = [*turns, Quantity("pose", {}, needed=False),
               Quantity("temperature", TEMPERATURE, needed=False),
               *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
-    return with_joints(name, data, robot, stated, [*places, *others])
+    log = whole_numbers(with_joints(name, data, robot, stated, [*places, *others]))
+    reason = "temperature is none of a hall; correct it, or leave it empty"
+    return log.where("temperature", lambda c: np.isnan(c) | ((c >= -50) & (c <= 100)), reason)
 
 
 _WORDS = ("series", "target", "payload")

@@ -171,9 +171,7 @@ def _recoded(data: bytes, encoding: str) -> tuple[bytes, str]:
     try:
         text = data.decode(encoding)
     except UnicodeDecodeError as problem:
-        if (
-            encoding == "cp1252"
-        ):  # five bytes are undefined there, and first ones of Japanese letters
+        if encoding == "cp1252":  # has no letter for five bytes, which begin Japanese ones
             return _recoded(data, "cp932")
         if encoding == "cp932":  # none is in latin-1
             return _recoded(data, "latin-1")

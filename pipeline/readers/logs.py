@@ -299,7 +299,7 @@ def _one_load(log: Log) -> Log:
     number = dict.fromkeys(("force", "unit", "mass", "mass_sigma"), none) | log.number
     word = {"payload": np.full(len(none), "", dtype=object)} | log.word
     log = replace(log, number=number, word=word)
-    for name, least in (("force", LEAST_FORCE), ("mass", LEAST_MASS)):
+    for name, least in (("force", LEAST_FORCE), ("mass", LEAST_MASS), ("mass_sigma", 0.0)):
         small = log.number[name] < least  # NaN, an empty cell, is not
         log = log.only(~small, f"the {name} is not above zero; correct or remove the row")
     loaded = [~np.isnan(log.number[name]) for name in ("force", "mass")]

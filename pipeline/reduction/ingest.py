@@ -590,7 +590,7 @@ def _rejected(rejected: Sequence[Rejection]) -> pa.Table:
 def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
     """The error when no pull is complete, with the reason whose way out is given most often."""
     if not rejected:
-        return InputError("the files have no rows", "export the campaign again, with its pulls")
+        return InputError("no pull is left", "export all of them, or take names out of [set_aside]")
     ways_out = Counter(why.rpartition("; ")[2] for _, _, why in rejected)
     most, times = ways_out.most_common(1)[0]
     where, line, why = next(r for r in rejected if r[2].endswith(most))

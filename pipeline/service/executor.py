@@ -7,7 +7,6 @@ not depend on where they are computed; results are returned in the order in whic
 from __future__ import annotations
 
 import contextlib
-import itertools
 import os
 import pickle
 import signal
@@ -151,7 +150,7 @@ class InProcesses:
         left = iter(items)
         workers: list[_Worker[S, T]] = []
         try:
-            for item in itertools.islice(left, self.number):
+            for _, item in zip(range(self.number), left, strict=False):
                 workers.append(_Worker(work))
                 workers[-1].give(item)
             while workers:

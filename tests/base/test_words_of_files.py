@@ -133,6 +133,7 @@ def test_a_place_in_toml_is_added_to_an_error() -> None:
         ("a = 1\nb = 1,5\n", 2, "write numbers with a decimal point"),
         ("a = 1\nb = [-0,5 5]\n", 2, "write numbers with a decimal point"),
         ("a = 1\nb = = 2\n", 2, "correct that place"),
+        ("a = 1\nb = [0,0,.1]\n", 2, "correct that place"),
         ("a = 1,5\nb = = 2\n", 1, "write numbers with a decimal point"),
     ],
 )
@@ -143,6 +144,23 @@ def test_where_toml_ends_is_said_with_its_remedy(text: str, line: int, remedy: s
     assert (wrong.value.file, wrong.value.line) == ("c.toml", line)
     assert wrong.value.way_out == remedy
     assert toml.remedy(text, None, "look") == "look"
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (f"a = 1\nb = {2**63}\n", 2),
+        (f"[t]\nb = [1, {10**30}]\n", 2),
+        (f"[[t]]\na = 1\n[[t]]\na = {10**30}\n", 4),
+    ],
+)
+def test_a_number_of_more_than_64_bits_is_named_with_its_line(text: str, line: int) -> None:
+    """Also in a list, and in one of several tables."""
+    with pytest.raises(InputError, match="more than 64 bits") as wrong:
+        toml.loads(text, "c.toml")
+    assert wrong.value.line == line
+    with pytest.raises(InputError, match=r"valid TOML \(a number of thousands of digits\)"):
+        toml.loads(f"a = {'1' * 5000}\n", "c.toml")
 
 
 def test_rows_are_selected_in_every_kind_of_column() -> None:

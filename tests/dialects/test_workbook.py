@@ -208,3 +208,17 @@ def test_a_workbook_under_another_name_is_asked_to_be_named():
     """The size limit depends on the name, so that the name must be right."""
     with pytest.raises(InputError, match=r"tracker.csv: .*Excel workbook.*save it as .xlsx"):
         read(workbook(A=[TITLES, *ROWS]), "tracker.csv")
+
+
+@pytest.mark.parametrize("piece", [1 << 20, 40])
+def test_an_error_of_a_formula_is_no_empty_cell(piece, monkeypatch):
+    """An empty pose is that of the row above, an empty force a pull that was not made."""
+    monkeypatch.setattr("pipeline.dialects.workbook._PIECE", piece)
+    rows = [[1, 702.5, 1402.5], ["#N/A", 712.5, 1412.5], [3, "#DIV/0!", 1422.5], [4, 732.5, None]]
+    log = logs.loads("l.xlsx", workbook(loads=[["pose", "force_1_n", "force_2_n"], *rows]))
+
+    assert [(line, why.partition(",")[0]) for _, line, why in log.rejected] == [
+        (3, 'pose is "#N/A"'),
+        (4, 'force_1_n is "#DIV/0!"'),
+    ]
+    assert log.number["pose"].tolist() == [1, 1, 4]

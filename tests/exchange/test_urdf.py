@@ -234,6 +234,7 @@ ARM = (
     joint("a", "revolute", "l0", "l1", more=limit(-1, 1)),
     joint("b", "revolute", "l1", "l2", "1 0 0", more=limit(-1, 1)),
 )
+LIGHT = '<link name="heavy"><inertial><mass value="-5"/></inertial></link>'
 BUSY = "<gazebo " + " ".join(f'a{k}="1"' for k in range(101)) + "/>"
 
 
@@ -284,6 +285,7 @@ def test_the_comparison_takes_the_memory_of_one_arm(monkeypatch):
             robot_of(*ARM, ARM[0].replace('"a"', '"c"'), links=3),
             "link l1 has several parent joints",
         ),
+        (robot_of(*ARM, LIGHT, links=3), "link heavy: its mass is -5 kg"),
         (robot_of(*ARM, links=4), "Pinocchio does not read it"),
         (robot_of(*ARM * 501, links=3), "has 1002 joints, more than the 1000 that are read"),
         (long_arm(101), "101 joints move, more than 100, between link l0 and link l2"),

@@ -9,6 +9,8 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.intake import asking
 from pipeline.intake._contents import Content, _content, mark_of, values
+from pipeline.intake._sheet import sheet
+from pipeline.readers import text
 
 
 @pytest.mark.parametrize(
@@ -68,3 +70,19 @@ def test_an_answer_is_chosen_by_its_number(monkeypatch):
     assert found == "in"
     assert shown == ["Which?", "  1  one", "  2  other"]
     assert typed.read() == "more\n"
+
+
+@pytest.mark.parametrize(
+    ("above", "first"),
+    [
+        ("base;B1;nan;9.6;-1.5", 1),
+        ("base;B1;4.3;--9.6;-1.5\nbase;B2;;-2.6;-0.9", 1),
+        ("job;hall 3;tracker;2;mm", 2),
+        ("job;hall 3;tracker;2.5;3.5\n", 3),
+    ],
+)
+def test_an_unreadable_first_row_without_titles_is_a_row(above, first):
+    """It is then reported: a line above the rows that lacks one number of three is no preamble."""
+    rows = "".join(f"p{k};P1;{4.5 + k};5.{k};-0.{k}\n" for k in range(1, 7))
+
+    assert sheet(text("t.csv", f"{above}\n{rows}".encode())).first == first

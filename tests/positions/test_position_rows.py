@@ -9,7 +9,7 @@ import pytest
 from made_positions import TOOL, TURN, made, stands
 
 from pipeline.positions.position_readings import dated_beside, outliers
-from pipeline.positions.position_rows import PositionSheet, position_rows
+from pipeline.positions.position_rows import PositionSheet, farther_than_real, position_rows
 from pipeline.positions.positioned import as_read, usable
 from pipeline.positions.study import study
 from pipeline.store.campaign import in_memory
@@ -120,6 +120,23 @@ def test_a_column_in_another_unit_is_named(right, column, factor, where):
     assert (one.name, one.where, one.since) == ("unit_mixup", where, None)
     assert np.allclose(joints(put_right), right[JOINTS])
     assert np.allclose(1e3 * put_right["z"], right["z_mm"])
+
+
+@pytest.mark.whole
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(("factor", "unit"), [(0.1, "cm"), (1 / 304.8, "ft")])
+def test_a_unit_that_no_title_can_state_is_named(right, factor, unit):
+    """Else the identified robot is a tenth of its size."""
+    places = {f"{axis}_mm": factor * right[f"{axis}_mm"] for axis in "xyz"}
+    (one,), put_right = screened(right.assign(**places))
+
+    assert (one.name, one.where) == ("unit_mixup", unit)
+    assert np.allclose(1e3 * put_right["z"], right["z_mm"])
+
+
+def test_a_table_off_by_more_than_any_robot_is_pointed_out():
+    assert not [*farther_than_real(0.015)]
+    assert "check the units" in next(farther_than_real(0.5))
 
 
 def test_a_unit_that_changes_in_mid_file_is_named_with_the_line(right):

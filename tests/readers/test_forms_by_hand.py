@@ -2,6 +2,7 @@
 
 import pytest
 
+from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
 from pipeline.machine.robot import load
@@ -94,10 +95,61 @@ def test_a_cell_with_its_own_unit_is_converted(title, cell, newtons):
     assert rows[1][2] == pytest.approx(newtons, rel=1e-12)
 
 
+@pytest.mark.parametrize("first", ["2.5 kN", "3 mm", "1.2 kgf"])
+def test_a_unit_in_the_first_row_is_that_of_its_cell(first):
+    """As in any other row: it neither renames a column of ours nor makes it disappear."""
+    head = "pose,repeat,force_n,mass_kg,mass_sigma_kg,payload\n"
+    rows, log = read(f"{head}1,1,{first},,,\n1,2,700,,,\n2,1,,50,20 g,\n")
+    first_mass = logs.loads("f.csv", f"{head}1,1,,50,20 g,\n1,2,,60,0.1,\n2,1,,,,20 kg\n".encode())
+
+    assert (2 in [n for _, n, _ in log.rejected]) == ("mm" in first)
+    assert rows[-2][2] == 700
+    assert first_mass.number["mass_sigma"][:2] == pytest.approx([0.02, 0.1])
+    assert first_mass.word["payload"].tolist() == ["", "", "20 kg"]
+
+
+def test_a_unit_behind_the_number_of_a_first_pull_is_none():
+    """The pulls are not numbered anew, as in a log without that column."""
+    _, log = read("pose,repeat,force_n\n1,2 m,700\n1,1,800\n2,1,500\n")
+
+    assert [n for _, n, _ in log.rejected] == [2]
+    weights = logs.loads("f.csv", b"pose,mass_kg,mass_sigma_kg\n1,20,5mm\n2,20m,0.1\n3,20,0.1\n")
+    assert [n for _, n, _ in weights.rejected] == [2, 3]
+    named = logs.loads("f.csv", b"pose,repeat,payload\n1,1,20 kg\n2,1,40 kg\n")
+    assert named.word["payload"].tolist() == ["20 kg", "40 kg"]
+
+
+@pytest.mark.parametrize("unit", ["1", "-", "#"])
+def test_the_unit_of_a_number_of_a_pull_is_one(unit):
+    """Its numbers are read, not counted."""
+    rows, _ = read(f"Pose [{unit}],Repeat [{unit}],force_n\n1,3,900\n1,1,700\n2,2,800\n")
+
+    assert rows == [(1, 3, 900), (1, 1, 700), (2, 2, 800)]
+
+
+def test_a_column_that_is_there_twice_is_named_so():
+    """A repeated title of ours is not one of each pull before it."""
+    with pytest.raises(InputError, match="there are two columns theta2_deg"):
+        logs.joints(
+            "j.csv", b"pose,theta1_deg,theta2_deg,theta2_deg\n1,2.5,3.5,3.5\n", load("ur10")
+        )
+
+
 def test_a_unit_of_another_quantity_is_refused():
     _, log = read("pose,repeat,force_n\n1,1,700\n1,2,3 mm\n2,1,500\n")
 
     assert [n for _, n, _ in log.rejected] == [3]
+
+
+@pytest.mark.parametrize("cell", ["12°30'15\"", "12-30-15.5", "12d30m15s"])
+def test_degrees_minutes_and_seconds_are_no_force(cell):
+    """Nor a coordinate: only a column of angles may hold them."""
+    _, log = read(f"pose,repeat,force_n\n1,1,700.5\n1,2,{cell}\n2,1,500.5\n")
+    rows = f"g,P1,1.5,2.5,3.5\ng,P2,{cell},2.5,3.5\n"
+    export = readers.read("t.csv", f"group,target,x_mm,y_mm,z_mm\n{rows}".encode())
+
+    assert [n for _, n, _ in log.rejected] == [3]
+    assert [n for n, _ in export.rejected] == [3]
 
 
 def test_a_unit_behind_every_number_against_the_title():

@@ -96,6 +96,9 @@ def test_a_row_has_one_load_above_zero() -> None:
     assert all("force is not above zero" in said[line] for line in (7, 10))
     assert all("mass is not above zero" in said[line] for line in (8, 11))
 
+    stated = table("pose,repeat,mass_kg,mass_sigma_kg", "1,1,20,-0.5", "1,2,20,0", "1,3,20,0.1")
+    assert [*lost(logs.loads("l.csv", stated))] == [2]
+
 
 def test_a_row_may_be_a_pose_with_a_column_for_each_pull() -> None:
     """An empty cell is no pull; numbers of pulls and hooks are those of the columns."""

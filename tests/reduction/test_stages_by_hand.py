@@ -326,7 +326,7 @@ def test_rejected_rows_are_listed_once_in_order():
     error = ingest._nothing_left([rows[1], *rows[2:]])
     assert "because 2 rows are like this one: v" in str(error)
     assert (error.file, error.line, error.way_out) == ("b", 2, "do y")
-    assert "have no rows" in str(ingest._nothing_left([]))
+    assert "out of [set_aside]" in str(ingest._nothing_left([]))
 
 
 class Shots(Some):

@@ -95,6 +95,11 @@ def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain
     assert [o.content["state"] for o in states(root)] == ["rejected", "done", "done"]
 
 
+def test_any_number_of_processes_may_be_asked_for():
+    """There are never more than campaigns."""
+    assert [*InProcesses(2**64).results(str, [])] == []
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
