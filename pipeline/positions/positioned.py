@@ -106,15 +106,16 @@ def usable(
     rejected = [*rejected, *beyond, *apart]
     frame = pd.DataFrame(rejected, columns=["file", "line", "reason"])
     poses = rows.groupby(["series", "pose"], sort=False, observed=True)
-    if poses.ngroups < _FEWEST:
-        _too_few(poses.ngroups, stated, rejected)
+    stands = poses[[joint.name for joint in robot.joints]].first() / _SAME_POSE
+    if (different := len(stands.round().drop_duplicates())) < _FEWEST:
+        _too_few(different, stated, rejected)
     readings = by_pose(rows, robot, settings)
     return Positioned(readings, weights_of(settings, readings), frame, rows)
 
 
 def _too_few(poses: int, stated: PositionsSettings, rejected: _RejectedRows) -> NoReturn:
     """Refuse a table with too few poses, by the first row that was left out if there is one."""
-    few = f"{poses} poses are left, of at least {_FEWEST}"
+    few = f"{poses} different poses are left, of at least {_FEWEST}"
     if not rejected:
         raise InputError(few, "measure more", file=stated.named[0])
     file, line, reason = rejected[0]

@@ -58,8 +58,15 @@ def test_ten_poses_are_enough_and_nine_are_not():
         return usable(said, ROBOT, *as_read(said, ROBOT, files)).readings
 
     assert len(of(10)) == 10
-    with pytest.raises(InputError, match="9 poses are left, of at least 10"):
+    with pytest.raises(InputError, match="9 different poses are left, of at least 10"):
         of(9)
+
+
+def test_a_pose_that_is_measured_again_counts_once():
+    """Twelve numbers of poses with nine sets of joint values, to a hundredth of a degree."""
+    alike = re.sub(r",(50|55|60)\.0,-90", ",5.01,-90", table([]))
+    with pytest.raises(InputError, match="9 different poses are left, of at least 10"):
+        read_with(change=lambda _: alike)
 
 
 def read_with(rows=(), toml=TOML, change=lambda text: text):
@@ -110,5 +117,7 @@ def test_a_temperature_is_that_of_a_hall():
 
 def test_a_table_of_which_no_row_can_be_read_says_why():
     """By its first row, not by what is missing then."""
-    with pytest.raises(InputError, match=r"csv:2: theta1.* is \"\?\".*24 rows .* 0 poses are left"):
+    with pytest.raises(
+        InputError, match=r"csv:2: theta1.* is \"\?\".*24 rows .* 0 different poses are"
+    ):
         read_with(change=lambda text: re.sub(r",[0-9.]+,-90", ",?,-90", text))
