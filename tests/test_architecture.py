@@ -320,6 +320,7 @@ OUTBUILDINGS = {
         "answer": "an answer is that of a campaign of pulls, with what only positions say",
     },
     "programs": {
+        "reduction.limits": "how far beyond its limit a joint was mistyped",
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "prediction": "a program is a path of targets: aimed at and compensated as any other",

@@ -7,6 +7,7 @@ of them remain finite, unlike those of 1e160.
 
 from __future__ import annotations
 
+import datetime
 import functools
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import PurePosixPath
@@ -43,6 +44,8 @@ Positive = Annotated[float, Field(gt=0, le=1e12), _visible(1e-12)]
 NotNegative = Annotated[float, Field(ge=0, le=1e12)]
 """The same, or zero."""
 
+Day = Annotated[datetime.date, Field(ge=datetime.date(1980, 1, 1))]
+"""A day of a measurement or a calibration; a number would be one of 1970, before any tracker."""
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
 """Time between two readings [s]; for comparison, a week has 6e5."""
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]

@@ -16,6 +16,7 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.readers.export_settings import OWN_LOG
 from pipeline.readers.logs import AXES, FORCE, TEMPERATURE, Quantity, joint_values, with_joints
+from pipeline.reduction.limits import LEEWAY
 
 _FURTHER = [
     *(Quantity(f"f{axis}", FORCE, needed=False) for axis in AXES),
@@ -33,7 +34,8 @@ def read_points(
     Payload 0 is none; others are numbered from 1 in the order of `payloads`.
 
     Raises:
-        InputError: A row cannot be read, or names a payload that the campaign does not contain.
+        InputError: A row cannot be read, is beyond the limits of a joint, or names a payload that
+            the campaign does not contain.
     """
     log = with_joints(name, data, robot, OWN_LOG, _FURTHER)
     for _, line, reason in log.rejected:
@@ -52,8 +54,18 @@ def read_points(
                 file=name,
                 line=int(line),
             )
+    q = joint_values(log, robot)
+    over = np.maximum(robot.lower - q, q - robot.upper)
+    for k, j in np.argwhere(over > LEEWAY).tolist():
+        raise InputError(
+            f"joint {robot.joints[j].name} is beyond the limits of the robot file, where nothing "
+            "is known of it",
+            "correct the row, or the limits",
+            file=name,
+            line=int(log.line[k]),
+        )
     return (
-        joint_values(log, robot),
+        q,
         np.column_stack(force),
         np.array([number[word] for word in words], dtype=np.int64),
         log.number.get("temperature", np.full(m, np.nan)),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime
 import re
 from collections.abc import Sequence
 from decimal import Decimal
@@ -23,6 +22,7 @@ from pipeline.base.strict import (
     LEAST_FORCE,
     STANDARD_GRAVITY,
     AxisValue,
+    Day,
     FileName,
     Force,
     ForceUncertainty,
@@ -179,7 +179,7 @@ class _Device(Strict):
 
     serial: Name | None = None
     certificate: Name | None = None
-    calibrated: datetime.date | None = None
+    calibrated: Day | None = None
 
 
 class Scale(LogForm, _Device):
@@ -436,7 +436,7 @@ class _RepairSettings(Strict):
         what: In words.
     """
 
-    date: datetime.date
+    date: Day
     joints: tuple[Annotated[int, Field(ge=1, le=50)], ...] = ()
     what: Name | None = None
 
@@ -478,7 +478,7 @@ class Settings(Surrounded):
     name: Name
     robot: FileName
     simulated: bool = False
-    date: datetime.date | None = None
+    date: Day | None = None
     operator: Name | None = None
     language: Language | None = None
     fields: Annotated[dict[Name, Name], Field(max_length=_MOST_FIELDS)] = Field(

@@ -66,3 +66,15 @@ def test_truth_is_no_number(kind, file):
     for path in places:
         with pytest.raises(ValidationError, match="true and false are no numbers"):
             kind.model_validate(changed(content, path, True))
+
+
+@pytest.mark.parametrize("value", [0, "0", "3.11.2026", 20261103])
+def test_a_number_is_no_day(value):
+    """`calibrated = 0` would be the first of January 1970."""
+    kind, file = FILES["campaign"]
+    content = tomllib.loads(file.read_text("utf-8"))
+    content["scale"]["calibrated"] = "2026-11-03"
+    kind.model_validate(content)
+    content["scale"]["calibrated"] = value
+    with pytest.raises(ValidationError):
+        kind.model_validate(content)

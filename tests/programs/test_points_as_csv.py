@@ -6,8 +6,10 @@ import io
 import numpy as np
 import pytest
 
+from pipeline.base.errors import InputError
 from pipeline.library.targets import PredictedTargets
-from pipeline.programs.points_file import as_csv
+from pipeline.machine.robot import load
+from pipeline.programs.points_file import as_csv, read_points
 
 NAMES = np.array(['P "1"', "tool, 2"], dtype=object)
 
@@ -47,3 +49,19 @@ def test_orientation_is_empty_where_a_target_has_none():
     assert float(second["rz_rad"]) == pytest.approx(0.1)
     assert float(second["std_rz_rad"]) == pytest.approx(3e-5)
     assert float(first["dx_m"]) == pytest.approx(2e-4)
+
+
+@pytest.mark.parametrize(("angle", "refused"), [(184.9, False), (187.0, True), (-187.0, True)])
+def test_nothing_is_predicted_far_beyond_a_limit(angle, refused):
+    """The first joint turns by 185 degrees; a controller's limit may be a degree more."""
+    robot = load("kr500_rail")
+    titles = [f"{one.name}_{'m' if one.prismatic else 'deg'}" for one in robot.joints]
+    row = "2,{},0,0,0,0,0"
+    data = "\n".join([",".join(titles), row.format(0), row.format(angle)]).encode()
+    if refused:
+        with pytest.raises(InputError, match="beyond the limits") as told:
+            read_points("q.csv", data, robot, ())
+        assert (told.value.file, told.value.line) == ("q.csv", 3)
+    else:
+        q = read_points("q.csv", data, robot, ())[0]
+        assert q[1, 1] == pytest.approx(np.deg2rad(angle))
