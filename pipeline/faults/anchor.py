@@ -25,7 +25,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.faults import exchanged_pulls
-from pipeline.faults.assignment import OUTSTANDING_MISFIT, Ring, rings
+from pipeline.faults.assignment import Ring, rings
 from pipeline.faults.exchanged_pulls import PullMoves, response, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors
@@ -48,7 +48,7 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     x = moved.solved(moved.force)
     given, scaled = (_left(moved.y, f, moved.G @ x) for f in (moved.force, moved.due(x)[0]))
     usual = moved.usual(given)
-    astray = np.flatnonzero((place >= 0) & (given > OUTSTANDING_MISFIT**2 * usual))
+    astray = np.flatnonzero((place >= 0) & (given > CLEARLY_NEARER**2 * usual))
     if not len(astray) or len(at) < 2:
         return []
     some = moved.only(astray)
@@ -63,7 +63,8 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     for n, i in enumerate(astray.tolist()):
         best = left[n].min()
         least = best + odds.DECIDES * usual[i] / moved.y.shape[1]
-        if scaled[i] > least and best <= CLEARLY_NEARER**2 * usual[i]:
+        fits = CLEARLY_NEARER**2 * best <= min(given[i], CLEARLY_NEARER**4 * usual[i])
+        if fits and scaled[i] > least:
             alike = np.argsort(left[n])[: np.sum(left[n] <= least)]
             says = _said(asked.case, int(place[i]), alike)
             mm = 1e3 * np.sqrt([given[i], best])
@@ -90,7 +91,7 @@ def _exchanged_rows(
     if not asked.case.anchors:
         return
     off = _left(moved.y, moved.force[:, None], np.swapaxes(each, 0, 1)) / usual
-    for ring in rings(off, OUTSTANDING_MISFIT**2, CLEARLY_NEARER**2):
+    for ring in rings(off, CLEARLY_NEARER**2, CLEARLY_NEARER**2):
         right = replace(
             moved, G=each[np.arange(len(off)), exchanged_pulls.ordering([ring], len(off)), :, None]
         )
@@ -157,6 +158,7 @@ def _finding(
         correction=f"recomputed with {chain[1]} of {group} at that anchor",
         before=float(mm[0]),
         after=float(mm[1]),
+        places=len(moved.pull),
         correct=partial(_anchored, group=group, pull=pull, at=to, name=name),
         at=at,
     )

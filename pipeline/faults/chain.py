@@ -219,9 +219,11 @@ def chain_gross(case: Case) -> list[Mistake]:
 
 
 def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Chain:
-    """The chain of a case, without the forces of some pulls, (pose, repeat)."""
+    """The chain of a case as it was read, without the forces of some pulls, (pose, repeat)."""
     near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
+    key = pd.MultiIndex.from_frame(rows[["pose", "repeat"]])
+    rows = rows[~key.isin([*case.anchors, *case.anchors_read])]
     ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]
     both = ends[0].index.intersection(ends[1].index)
     ends = [end.loc[both] for end in ends]

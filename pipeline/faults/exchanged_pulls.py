@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 import pandas as pd
@@ -136,12 +136,14 @@ class PullMoves(Locked):
     def usual(self, square: Array) -> Array:
         """Usual mean square that the springs leave of each pull [m^2], shape (m,).
 
+        It is that of noise, and a part of the displacement, the median of what is beyond noise.
+
         Args:
             square: Mean square that they leave of it [m^2], shape (m,).
         """
         whole = np.mean(self.y**2, axis=1)
-        part = max(float(np.median(square / np.maximum(whole, self.noise**2))), _MODEL**2)
-        return np.asarray(self.noise**2 + part * whole)
+        beyond = np.maximum(square - self.noise**2, 0.0) / np.maximum(whole, self.noise**2)
+        return np.asarray(self.noise**2 + max(float(np.median(beyond)), _MODEL**2) * whole)
 
     def due(self, x: Array) -> tuple[Array, Array]:
         """Force by the displacements of each pull, and its standard uncertainty [N]."""
@@ -202,8 +204,7 @@ def displacement_std(data: Measured) -> float:
 
 def exchanged_pulls(asked: Screening) -> list[Mistake]:
     """Unloaded groups and pulls of a pose that were exchanged, else exchanged rows of the loads."""
-    moved = PullMoves.of(asked)
-    if moved is None:
+    if (moved := PullMoves.of(asked)) is None:
         return []
     given = ordered(moved, np.arange(len(moved.force)))
     if (np.diag(given.cost) <= moved.least).all() and given.model < USUAL_MISFIT:
@@ -247,8 +248,7 @@ def odd_forces(asked: Screening) -> dict[_Key, bool]:
 
     Empty where there are too few or too many pulls.
     """
-    moved = PullMoves.of(asked)
-    if moved is None:
+    if (moved := PullMoves.of(asked)) is None:
         return {}
     fit = ordered(moved, np.arange(len(moved.force)))
     return dict(zip(_keys(asked, moved), (np.diag(fit.cost) > moved.least).tolist(), strict=True))
@@ -306,9 +306,8 @@ def _orders(
 def ordering(found: Sequence[Ring], count: int) -> Ints:
     """Index of the logged force that belongs to each pull."""
     order = np.arange(count)
-    for ring in found:
-        for here, there in ring.moves:
-            order[there] = here
+    for here, there in chain.from_iterable(ring.moves for ring in found):
+        order[there] = here
     return order
 
 

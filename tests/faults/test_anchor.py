@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.base.linear import rigid
+from pipeline.faults import chain
 from pipeline.faults.anchor import wrong_anchors
 from pipeline.faults.chain import chain_gross, chain_outlier
 from pipeline.reduction.case import Case
@@ -72,15 +74,20 @@ def to_anchors(case, at, own, beside_m=9.0):
         own: Anchor that the row of each pull names.
         beside_m: Height of a fourth one above the second [m].
     """
+    placed = asked(case).reduced.placed
+    both = case.readings.merge(placed, on=["group", "target"])
+    R, origin = rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
+    loaded = placed.set_index(["pose", "target", "state"]).sort_index()
+    ends = [loaded.loc[(k + 1, "Pl2", "loaded"), XYZ].mean() for k in range(3)]
+    stated = {f"H{k + 1}": tuple(end.tolist()) for k, end in enumerate(ends)}
+    stated["H4"] = (*stated["H2"][:2], stated["H2"][2] + beside_m)
+    at = np.vstack([at, R @ stated["H4"] + origin])
+
     rows = case.readings.copy()
     near, far = (rows[(rows["state"] == "loaded") & (rows["target"] == n)] for n in ("Pl1", "Pl2"))
     begin = near[XYZ].to_numpy(float)
     u = at[own] - begin
     rows.loc[far.index, XYZ] = begin + 1.5 * u / np.linalg.norm(u, axis=1, keepdims=True)
-    placed = asked(case).reduced.placed.set_index(["pose", "target", "state"]).sort_index()
-    ends = [placed.loc[(k + 1, "Pl2", "loaded"), XYZ].mean() for k in range(3)]
-    stated = {f"H{k + 1}": tuple(end.tolist()) for k, end in enumerate(ends)}
-    stated["H4"] = (*stated["H2"][:2], stated["H2"][2] + beside_m)
     settings = case.settings.model_copy(update={"anchors": stated})
     named = {(k, r): f"H{own[2 * k + r - 3] + 1}" for k in range(1, 10) for r in (1, 2)}
     return replace(case, readings=rows, settings=settings, anchors=named)
@@ -107,6 +114,20 @@ def test_a_pull_towards_another_stated_anchor_is_named_with_both(hall, beside_m,
     right = found.correct(wrong)
     assert right.readings is wrong.readings  # its end follows, as all of them do
     assert right.anchors == wrong.anchors | {(5, 2): probably[:2]}
+
+
+def test_a_row_that_names_an_anchor_beside_the_right_one_is_found(hall):
+    """A third of a metre from it, by which a displacement is off by five times its noise."""
+    case, at = hall
+    assert wrong_anchors(asked(to_anchors(case, at, IN_TURN, beside_m=0.3))) == []
+    own = IN_TURN.copy()
+    own[9] = 3
+
+    (found,) = wrong_anchors(asked(to_anchors(case, at, own, beside_m=0.3)))
+
+    assert found.where == "pose05_rep2_loaded"
+    assert "another anchor than H4, as its row says, probably H2:" in found.evidence
+    assert 3 < found.before / found.after < 10
 
 
 @pytest.mark.parametrize(
@@ -150,3 +171,15 @@ def test_where_there_is_one_anchor_no_pull_goes_to_another(hall):
     wrong = case.loads["force_n"].where(case.loads["pose"] != 5, case.loads["force_n"] * 0.4)
     loads = case.loads.assign(force_n=wrong)
     assert wrong_anchors(asked(replace(case, loads=loads, settings=alone, anchors=named))) == []
+
+
+def test_ends_that_were_not_read_are_compared_with_none(hall):
+    """Where a row names its anchor, the direction of its chain is stated."""
+    case, at = hall
+    stated = to_anchors(case, at, IN_TURN)
+    some = replace(stated, anchors={(1, 1): "H1", (1, 2): "H1"})
+
+    assert len(chain._read(case).group) == 18
+    assert len(chain._read(some).group) == 16
+    assert chain_gross(stated) == chain_outlier(stated) == []
+    assert not len(chain._read(stated).group)
