@@ -49,7 +49,7 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     given, scaled = (_left(moved.y, f, moved.G @ x) for f in (moved.force, moved.due(x)[0]))
     usual = moved.usual(given)
     astray = np.flatnonzero((place >= 0) & (given > CLEARLY_NEARER**2 * usual))
-    if not len(astray) or len(at) < 2:
+    if len(at) < 2 or not 0 < 2 * len(astray) < len(place):  # of more, x is theirs
         return []
     some = moved.only(astray)
     u = linear.normed(at - near[astray, None]).reshape(-1, 3)
