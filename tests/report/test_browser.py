@@ -176,7 +176,7 @@ def test_what_is_cut_off_can_be_scrolled_to(opened):
     assert frame.evaluate("one => one.scrollLeft") > 0
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.whole
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (360, "light")])
 def test_axe_finds_nothing(opened, width, scheme):
     """Contrast, names, roles and structure pass axe-core in light and in dark."""
