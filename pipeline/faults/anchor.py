@@ -60,15 +60,13 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     found = list[Mistake]()
     for ring, one in _exchanged_rows(asked, some, each[:, place[astray]], usual[astray]):
         found, left[list(ring.members)] = [*found, one], np.inf
-    for n, i in enumerate(astray.tolist()):
-        best = left[n].min()
-        least = best + odds.DECIDES * usual[i] / moved.y.shape[1]
-        fits = CLEARLY_NEARER**2 * best <= min(given[i], CLEARLY_NEARER**4 * usual[i])
-        if fits and scaled[i] > least:
-            alike = np.argsort(left[n])[: np.sum(left[n] <= least)]
-            says = _said(asked.case, int(place[i]), alike)
-            mm = 1e3 * np.sqrt([given[i], best])
-            found += [_finding(asked, moved, i, says, (int(alike[0]), at[alike[0]]), mm)]
+    best = left.min(axis=1)
+    least = best + odds.DECIDES * usual[astray] / moved.y.shape[1]
+    most = np.minimum(given, CLEARLY_NEARER**4 * usual)[astray] / CLEARLY_NEARER**2
+    for n in np.flatnonzero((best <= most) & (scaled[astray] > least)).tolist():
+        i, alike = int(astray[n]), np.argsort(left[n])[: np.sum(left[n] <= least[n])]
+        says, mm = _said(asked.case, int(place[i]), alike), 1e3 * np.sqrt([given[i], best[n]])
+        found += [_finding(asked, moved, i, says, (int(alike[0]), at[alike[0]]), mm)]
     return found
 
 

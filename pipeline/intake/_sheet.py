@@ -235,18 +235,21 @@ def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: st
 
     Below titles any line of as many cells is one; without titles, one that lacks a number only.
     """
-    for number, line in above if header else ():
-        if number <= header or not is_plain(line, mark) or _RULE.fullmatch(line):
-            continue
-        cells = _fitting(line, found, mark)
-        if cells and not _are_units(cells):
-            return number
+    below = [one for one in above if one[0] > header and is_plain(one[1], mark)]
+    if header:
+        return next((n for n, line in below if _may_be_row(line, found, mark)), found.rows[0][0])
     first = found.rows[0][0]
-    for number, line in () if header else reversed(above):
+    for number, line in reversed(above):
         if not (is_plain(line, mark) and _nearly_a_row(_fitting(line, found, mark), found)):
             break
         first = number
     return first
+
+
+def _may_be_row(line: str, found: _Rows, mark: str | None) -> bool:
+    """Whether a line below titles has as many cells as a row, and neither rules nor units."""
+    cells = None if _RULE.fullmatch(line) else _fitting(line, found, mark)
+    return bool(cells) and not _are_units(cells or [])
 
 
 def _nearly_a_row(cells: Sequence[str] | None, found: _Rows) -> bool:
