@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.whole
+
 BENCH = Path(__file__).parents[2] / "bench"
 ELSEWHERE = {"foreign", "games"}
 """Folders whose files need other tools, or are kept as they were played."""

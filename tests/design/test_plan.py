@@ -39,6 +39,8 @@ from pipeline.store.campaign import find, in_memory
 from pipeline.system.estimate import identify
 from pipeline.tables import conform
 
+pytestmark = pytest.mark.whole
+
 SEED = 20261121
 
 

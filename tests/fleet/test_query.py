@@ -22,6 +22,8 @@ from pipeline.fleet.query import ask
 from pipeline.run import run
 from pipeline.store.campaign import CampaignFolder, find
 
+pytestmark = pytest.mark.whole
+
 pytest.importorskip("duckdb", reason="pip install 'rail-stiffness[query]'")
 HERE = Path(__file__).parents[2]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"

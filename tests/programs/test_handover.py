@@ -37,6 +37,8 @@ from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory
 from pipeline.system.estimate import identify
 
+pytestmark = pytest.mark.whole
+
 DATA = Path(__file__).parents[2] / "data"
 DEMO_PATH = DATA / "paths" / "kr500_demo.csv"
 DEMO_PLAN = (DATA / "plans" / "kr500_demo.toml").read_text("utf-8")
