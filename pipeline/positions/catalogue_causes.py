@@ -255,7 +255,7 @@ def causes(
     groups = list(_groups(found, names))
     out = []
     for group, p in zip(groups, chances(found, [one.at for one in groups], signs), strict=True):
-        called = p < alarms.SUSPECT and _evidence(found, group.at) > LEAST_EVIDENCE
+        called = p < alarms.SUSPECT and helps(found, group.at)
         if called and _physical(group.cause):
             near, far = judge.gains(found, group.at)
             if near.sure:
@@ -292,15 +292,16 @@ def _physical(cause: CatalogueCause) -> bool:
     return not springs or any(one.value > 0 for one in springs)
 
 
-def _evidence(found: Calibration, at: Ints) -> float:
-    """Log of how much likelier parameters with their prior make the readings than zeros do.
+def helps(found: Calibration, at: Ints | slice) -> bool:
+    """Whether parameters with their prior make the readings certainly likelier than zeros do.
 
     T knows no prior: readings may call for more than an element of its kind can be. What it can be
     then explains little, and its size is not told from zero.
     """
     C, P = found.by_readings.cov, precision(found.mechanism, found.known)[0]
-    own, x = linear.cholesky(C[np.ix_(at, at)]), found.solution.x[at]
-    return 0.5 * float(x @ own.solve(x) + own.log_det + linear.log_det(P[np.ix_(at, at)]))
+    own, x = linear.cholesky(C[at][:, at]), found.solution.x[at]
+    gain = 0.5 * float(x @ own.solve(x) + own.log_det + linear.log_det(P[at][:, at]))
+    return gain > LEAST_EVIDENCE
 
 
 def _explained(found: Calibration, P: Array, at: Ints, copies: Array) -> Array:

@@ -9,10 +9,11 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.tails import NORMAL_95
 from pipeline.machine.effects._anatomy import rail
 from pipeline.positions import law_tests, random_curve
 from pipeline.positions.calibrate import Calibration, ModelStructure, calibrate, likeliest, tried
-from pipeline.positions.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances
+from pipeline.positions.catalogue_causes import CatalogueCause, CatalogueLaw, causes, chances, helps
 from pipeline.positions.cross_validation import NO_GAIN, LeftOutGain, LeftOutPoses, Partition
 from pipeline.positions.estimate import FIXED_SIGMA, solved
 from pipeline.positions.laws import JointLaw, LawKind, LawVariable
@@ -261,7 +262,7 @@ def _carried(
     if not judge.carries(more, part, law.once):
         return found
     more = data.identify(more.mechanism, more.wanted, more)
-    return more if judge.carries(more, part, law.once) else found
+    return more if helps(more, part) and judge.carries(more, part, law.once) else found
 
 
 def _better(
@@ -452,10 +453,10 @@ _PROJECTED = 1e-20
 
 
 def _named(found: Calibration, p: dict[_Key, float], judge: LeftOutPoses) -> tuple[NamedLaw, ...]:
-    """The significant laws that certainly improve the prediction of held-out poses."""
+    """The significant laws, of a certain size, that certainly predict held-out poses better."""
     out = []
     for law, key, part in _slices(found):
-        if p.get(key, 1.0) >= alarms.LAW:
+        if p.get(key, 1.0) >= alarms.LAW or abs(law.amplitude) <= NORMAL_95 * law.std:
             continue
         near, carried = judge.gains(found, part, law.since is not None)
         if near.sure and carried.sure:
