@@ -416,14 +416,17 @@ def _nominal_m(found: Study) -> float:
 
 
 def _instrument(found: Study) -> Iterator[str]:
-    """When the instrument moved, and what was made of it."""
+    """When the instrument or a target moved, and what was made of it."""
     for one in found.moved:
         where = f"pose {one.pose} of series {one.series}" if one.series else f"pose {one.pose}"
+        shift, turn = (1e3 * float(np.linalg.norm(part)) for part in np.split(one.motion, 2))
         yield (
-            f"From {where} on the instrument sees the robot's base "
-            f"{plain(1e3 * one.shift_m, 2)} mm and {plain(1e3 * one.turn_rad, 2)} mrad from where "
-            f"it was ({p_value(one.p)}): the instrument moved, or the base. These poses count "
-            "as a series of their own, with a frame of their own."
+            f"From {where} on target {one.target} stands {plain(shift, 2)} mm from where it was on "
+            f"the effector ({p_value(one.p)}). Its readings since count as those of another target."
+            if one.target
+            else f"From {where} on the instrument sees the robot's base {plain(shift, 2)} mm and "
+            f"{plain(turn, 2)} mrad from where it was ({p_value(one.p)}): the instrument moved, or "
+            "the base. These poses count as a series of their own, with a frame of their own."
         )
 
 

@@ -293,15 +293,19 @@ def _physical(cause: CatalogueCause) -> bool:
 
 
 def helps(found: Calibration, at: Ints | slice) -> bool:
-    """Whether parameters with their prior make the readings certainly likelier than zeros do.
+    """Whether parameters with their prior make the readings certainly likelier than zeros do."""
+    return _evidence(found, at) > LEAST_EVIDENCE
+
+
+def _evidence(found: Calibration, at: Ints | slice) -> float:
+    """Log of how much likelier parameters with their prior make the readings than zeros do.
 
     T knows no prior: readings may call for more than an element of its kind can be. What it can be
     then explains little, and its size is not told from zero.
     """
     C, P = found.by_readings.cov, precision(found.mechanism, found.known)[0]
     own, x = linear.cholesky(C[at][:, at]), found.solution.x[at]
-    gain = 0.5 * float(x @ own.solve(x) + own.log_det + linear.log_det(P[at][:, at]))
-    return gain > LEAST_EVIDENCE
+    return 0.5 * float(x @ own.solve(x) + own.log_det + linear.log_det(P[at][:, at]))
 
 
 def _explained(found: Calibration, P: Array, at: Ints, copies: Array) -> Array:

@@ -8,7 +8,7 @@ from enum import StrEnum
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.positions import law_tests, left_out
 from pipeline.positions.calibrate import Calibration
@@ -131,15 +131,16 @@ class LeftOutPoses:
 
         Errors count over their standard uncertainty, of which both estimates have a part.
         """
-        parts = [LeftOut(found, self._parts[self._far()]) for found in (other, one)]
-        std = np.hypot(*(part.std for part in parts))
-        before, after = (part.errors() for part in parts)
+        parts = [(found, LeftOut(found, self._parts[self._far()])) for found in (other, one)]
+        std = np.hypot(*(_positions(found, part.std) for found, part in parts))
+        before, after = (_positions(found, part.errors()) for found, part in parts)
         return self._compared(one.readings, before, after, std).ci95[1] >= 0
 
     def better(self, one: Calibration, other: Calibration) -> bool:
         """Whether the first certainly predicts held-out stations or parts of joint space better."""
         at = Partition.STATION if Partition.STATION in self._parts else Partition.SPACE
-        errors = (left_out.errors(found, self._parts[at]) for found in (other, one))
+        found = other, one
+        errors = (_positions(each, left_out.errors(each, self._parts[at])) for each in found)
         return self._compared(one.readings, *errors).ci95[0] > 0
 
     def _gain(
@@ -154,21 +155,30 @@ class LeftOutPoses:
         known = self._made[1]
         if parting not in known:
             parts = LeftOut(found, self._parts[parting])
-            known[parting] = parts, parts.errors()
+            known[parting] = parts, _positions(found, parts.errors())
         parts, with_it = known[parting]
-        std = parts.std if weighed else None
-        return self._compared(found.readings, parts.errors(without), with_it, std)
+        std = _positions(found, parts.std) if weighed else None
+        before = _positions(found, parts.errors(without))
+        return self._compared(found.readings, before, with_it, std)
 
     def _compared(
         self, readings: PositionReadings, before: Array, after: Array, std: Array | None = None
     ) -> LeftOutGain:
-        """Gain from errors (m, 6 t) of left-out targets, of which the positions count.
+        """Gain from errors of left-out positions (k,).
 
         The interval is that of errors over `std` where it is given.
         """
-        seen = np.tile(np.arange(6) < 3, before.shape[1] // 6) & readings.read
+        seen = _shifts(readings)
         block = np.broadcast_to(law_tests.blocks(readings)[:, None], seen.shape)[seen]
-        before, after = before[seen], after[seen]
-        size = np.ones(len(before)) if std is None else std[seen]
+        size = np.ones(len(before)) if std is None else std
         _, ci95 = interval(before / size, after / size, block, self._rng)
         return LeftOutGain(linear.rms(before), linear.rms(after), ci95)
+
+
+def _shifts(readings: PositionReadings) -> Bools:
+    return readings.read & np.tile(np.arange(6) < 3, len(readings.targets))
+
+
+def _positions(found: Calibration, errors: Array) -> Array:
+    """The part of errors (m, 6 t) that is of positions, pose by pose, (k,)."""
+    return np.asarray(errors[_shifts(found.readings)])

@@ -22,7 +22,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.unloaded import START
 from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue, joint_offset, table
+from pipeline.machine.effects import base_moved, catalogue, joint_offset, table, target_moved
 from pipeline.machine.effects.unlisted import NAME
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
@@ -34,7 +34,7 @@ from pipeline.positions.joint_laws import NamedLaw
 from pipeline.positions.mechanism import placed
 from pipeline.positions.outstanding import confirmed, same_robot
 from pipeline.positions.pose_errors import unusual
-from pipeline.positions.study import Study
+from pipeline.positions.study import MovedSince, Study
 
 
 def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
@@ -49,6 +49,7 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
     causes = (
         *(_listed(one, robot) for one in found.causes),
         *(_cause(law, robot) for law in found.laws),
+        *map(_since, found.moved),
     )
     moved = tuple(_entries(found, robot))
     table_m = float(np.sqrt(max(first**2 - last**2, 0.0)))
@@ -169,10 +170,21 @@ def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
 def _changed_zero(joint: int, series: str, pose: int, robot: Robot) -> Effect:
     """The zero of a joint that changed before a pose of a series."""
     effect = replace(joint_offset.since(robot, joint, (), pose), axis=alone(robot)[joint - 1])
-    if not series:
-        return effect
-    at = f"{pose} of series {series}"
-    return replace(effect, noun=f"zero that changed at pose {at}", form=f"since pose {at}")
+    return _in_series(effect, series)
+
+
+def _in_series(effect: Effect, series: str) -> Effect:
+    """What happened at a pose of a series, with its name."""
+    of = f" of series {series}" if series else ""
+    return replace(effect, noun=effect.noun + of, form=effect.form + of)
+
+
+def _since(one: MovedSince) -> FoundCause:
+    """The robot's base, or a target on the effector, that was moved before a pose."""
+    moved = target_moved.since(one.target, 0, (), one.pose) if one.target else None
+    effect = _in_series(moved or base_moved.since((), one.pose), one.series)
+    each = zip(effect.parameters, one.motion.tolist(), one.std.tolist(), strict=False)
+    return FoundCause(effect, 1.0, tuple(EffectSize.symmetric(*size) for size in each), one.p)
 
 
 def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:

@@ -26,7 +26,7 @@ from pipeline.positions import random_curve
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.estimate import ReadRows
 from pipeline.positions.laws import Inputs, JointLaw, LawVariable
-from pipeline.positions.mechanism import frame_of
+from pipeline.positions.mechanism import frame_of, layout
 from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 
@@ -86,19 +86,6 @@ class _LawScore(Locked):
     def products(self, g: Array, joint: int) -> Array:
         """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
         return np.vstack([self.P[joint].T @ g, self.Q[joint].T @ g])
-
-
-@dataclass(frozen=True, eq=False)
-class _MoveTime(Locked):
-    """Time from which on the instrument stood elsewhere.
-
-    Attributes:
-        pose: Index of the first pose of its series that was read from there.
-        p: Probability that chance yields such a move anywhere.
-    """
-
-    pose: int
-    p: float
 
 
 def score(found: Calibration, signs: Array, copied: Array | None = None) -> _LawScore:
@@ -389,88 +376,150 @@ def _most_by_a_joint(here: _LawScore, inputs: Inputs) -> float:
     )
 
 
-def instrument_move(found: Calibration, signs: Array) -> _MoveTime | None:
-    """Whether the instrument stood elsewhere from some pose of a series on; None if it did not.
+class Move(NamedTuple):
+    """What stands elsewhere from some pose on: the instrument, or targets on the effector.
 
-    A move has six columns, zero before that pose: rotation and translation of the frame of its
-    series. A step in time of a joint's zero explains similar readings; the model with the larger T
-    - k log N is preferred, with k its amplitudes and N the number of readings (Schwarz, Annals of
-    Statistics 6, 1978). T is compared with that of copies of the residuals after the likeliest move
-    (ter Braak, in Bootstrapping and Related Techniques, 1992), because copies that still contained
-    the move would reach the same T.
+    Attributes:
+        pose: Index of the first pose after it, of its series if the instrument moved.
+        targets: Indices of the targets, which moved as one body; none if the instrument did.
+        p: Probability that chance yields such a move anywhere.
+    """
+
+    pose: int
+    targets: tuple[int, ...] = ()
+    p: float = 1.0
+
+    def since(self, found: Calibration) -> Ints:
+        """The poses after it."""
+        series = found.readings.series
+        later = np.arange(len(series)) >= self.pose
+        return np.flatnonzero(later & (bool(self.targets) | (series == series[self.pose])))
+
+    def columns(self, found: Calibration, D: Array) -> Array:
+        """Derivatives by its rotation and translation (m, r, 6), from those by all (m, r, k)."""
+        there = found.mechanism
+        if not self.targets:
+            return D[:, :, frame_of(there, int(found.readings.series[self.pose]))]
+        own = D[:, :, layout(there).tool].reshape(*D.shape[:2], -1, 6)[:, :, list(self.targets)]
+        if len(self.targets) == 1:
+            return np.asarray(own[:, :, 0])
+        frames = [there.tool[k] for k in self.targets]
+        return np.asarray(np.einsum("mrtk,tkl->mrl", own, np.stack([*map(_as_one, frames)])))
+
+    def near(self, found: Calibration, poses: Iterable[int]) -> list[Move]:
+        """The same at other poses, if the instrument moved those of its series."""
+        series = found.readings.series
+        every = (self._replace(pose=pose) for pose in poses)
+        return [one for one in every if one.targets or series[one.pose - 1] == series[one.pose]]
+
+
+def _as_one(frame: Array) -> Array:
+    """Rotation and translation of a target in its own frame by those of the flange, (6, 6)."""
+    R, p = frame[:3, :3], frame[:3, 3]
+    out = np.kron(np.eye(2), R.T)
+    out[3:, :3] = R.T @ np.cross(np.eye(3), p).T
+    return np.asarray(out)
+
+
+def move(found: Calibration, signs: Array) -> Move | None:
+    """What stood elsewhere from some pose on; None if nothing did.
+
+    A move has columns that are zero before that pose: rotation and translation of the frame of its
+    series, of a target, of which a point has no rotation, or of all targets as one body. A step in
+    time of a joint's zero explains similar readings; the model with the larger T - k log N is
+    preferred, with k its amplitudes and N the number of readings (Schwarz, Annals of Statistics 6,
+    1978). T is compared with that of copies of the residuals after all likely moves (ter Braak, in
+    Bootstrapping and Related Techniques, 1992), because copies that still contained a move would
+    reach the same T.
 
     Args:
         found: The estimate.
         signs: Signs of the copies, shape (copies, m).
     """
-    inputs, plain = found.linear.inputs, score(found, signs[:0])
-    at = [pose for pose in _times(inputs) if inputs.series[pose - 1] == inputs.series[pose]]
-    if not at:
+    inputs, plain, six = found.linear.inputs, score(found, signs[:0]), found.readings.six
+    every = tuple(range(len(six)))
+    places = [Move(0), *(Move(0, (one,)) for one in every), *[Move(0, every)][: len(six) - 1]]
+    moves = [one for place in places for one in place.near(found, _times(inputs))]
+    if not moves:
         return None
-    seen = _frames_moved(found, plain, at, signs[:0])
-    best = int(np.argmax(seen.T[:, 0]))
-    here = score(found, signs, seen.left(found, plain, best))
-    frames = _frames_moved(found, here, at, signs).T
+    alone = [len(one.targets) == 1 and not six[one.targets[0]] for one in moves]
+    free = np.where(alone, 3, 6)
     cost = float(np.log(found.linear.read.sum()))
+    left, best = _without_moves(found, plain, moves, free)
+    here = score(found, signs, left)
+    T = _moved(found, here, moves, signs).T
     rival = _most_by_a_joint(here, inputs) - cost
-    p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
-    if p >= alarms.MOVED or frames[best, 0] - 6 * cost < rival:
+    p = _beyond(T[:, 1:].max(axis=0), T[best, :1]).item()
+    if p >= alarms.MOVED or T[best, 0] - free[best] * cost < rival:
         return None
-    own = inputs.series[at[best]]
-    beside = [pose for pose in _near(inputs, at[best]) if inputs.series[pose - 1] == own]
-    beside = [pose for pose in beside if inputs.series[pose] == own]
-    near = _frames_moved(found, plain, beside, signs[:0]).T[:, 0]
-    return _MoveTime(beside[int(np.argmax(near))], p)
+    beside = moves[best].near(found, _near(inputs, moves[best].pose))
+    near = _moved(found, plain, beside, signs[:0]).T[:, 0]
+    return beside[int(np.argmax(near))]._replace(p=p)
 
 
-class _FramesMoved(NamedTuple):
-    """Moves of the instrument, one before each of p poses.
+def _without_moves(
+    found: Calibration, here: _LawScore, moves: Sequence[Move], free: Ints
+) -> tuple[Array, int]:
+    """Whitened residuals (m, r) after all moves that are significant by chi-square, and the first.
+
+    Of several moves each hides the others: none stands out of copies that contain them.
+    """
+    cost, first = float(np.log(found.linear.read.sum())), []
+    for _ in range(MOST_MOVES):
+        seen = _moved(found, here, moves, np.zeros((0, len(found.readings))))
+        best = int(np.argmax(seen.T[:, 0] - free * cost))
+        first.append(best)
+        here = replace(here, left=seen.left(found, here, best))
+        if len(moves) * special.gammaincc(0.5 * free[best], 0.5 * seen.T[best, 0]) >= alarms.MOVED:
+            break
+    return here.left, first[0]
+
+
+MOST_MOVES = 8
+"""Maximum number of moves; what moves more often drifts."""
+
+
+class _Moved(NamedTuple):
+    """T and sizes of p moves.
 
     Attributes:
-        poses: The poses.
+        moves: The moves.
         T: T of readings and copies, (p, 1 + copies).
         shared: Products of the six columns with all parameters, (p, k, 6).
         size: Estimated moves, (p, 6).
     """
 
-    poses: Sequence[int]
+    moves: Sequence[Move]
     T: Array
     shared: Array
     size: Array
 
     def left(self, found: Calibration, here: _LawScore, which: int) -> Array:
         """Whitened residuals after one of the moves, (m, r)."""
-        pose, size = self.poses[which], self.size[which]
+        one, size = self.moves[which], self.size[which]
         left = here.left + found.rows.along(here.cov @ (self.shared[which] @ size))
-        after = _from(found.readings.series, pose)
-        frame = frame_of(found.mechanism, int(found.readings.series[pose]))
-        left[after] -= found.rows.D[after][:, :, frame] @ size
+        since = one.since(found)
+        left[since] -= one.columns(found, found.rows.D[since]) @ size
         return left
 
 
-def _from(series: Ints, pose: int) -> Ints:
-    """Poses of its series from one on."""
-    at = np.flatnonzero(series == series[pose])
-    return at[at >= pose]
-
-
-def _frames_moved(
-    found: Calibration, here: _LawScore, poses: Sequence[int], signs: Array
-) -> _FramesMoved:
-    """Moves before each of some ascending poses.
+def _moved(found: Calibration, here: _LawScore, moves: Sequence[Move], signs: Array) -> _Moved:
+    """Moves, those of the same body before ascending poses.
 
     Sums over the poses from one to the next are added up from the last backwards.
     """
-    series, count, width = found.readings.series, len(poses), 1 + len(signs)
+    series, count, width = found.readings.series, len(moves), 1 + len(signs)
     shared, own = np.zeros((count, len(here.cov), 6)), np.zeros((count, 6, 6))
     num = np.zeros((count, 6, width))
-    for one in np.unique(series[list(poses)]).tolist():
-        mine = [k for k in range(count) if series[poses[k]] == one]
-        frame, at = frame_of(found.mechanism, one), _from(series, poses[mine[0]])
-        cuts = np.searchsorted(at, [poses[k] for k in mine])
+    bodies: dict[tuple[int, ...], list[int]] = {}
+    for k, one in enumerate(moves):
+        bodies.setdefault(one.targets or (-1, int(series[one.pose])), []).append(k)
+    for mine in bodies.values():
+        at = moves[mine[0]].since(found)
+        cuts = np.searchsorted(at, [moves[k].pose for k in mine])
         for k, part in zip(mine, np.split(at, cuts[1:]), strict=True):
             some = found.rows.of(part)
-            F = some.D[:, :, frame]
+            F = moves[k].columns(found, some.D)
             shared[k], own[k] = some.products(F), np.einsum("mrk,mrl->kl", F, F)
             e, copied = (np.einsum("mrk,mr->km", F, r[part]) for r in (here.left, here.copied))
             num[k] = np.column_stack([e.sum(axis=1), copied @ signs[:, part].T])
@@ -480,7 +529,7 @@ def _frames_moved(
     known = np.einsum("pka,pkb->pab", shared, here.cov @ shared)
     inverse, _ = linear.left(own - known, np.einsum("pkk->pk", own))
     T = np.einsum("pks,pkl,pls->ps", num, inverse, num, optimize=True)
-    return _FramesMoved(poses, T, shared, np.einsum("pkl,pl->pk", inverse, num[:, :, 0]))
+    return _Moved(moves, T, shared, np.einsum("pkl,pl->pk", inverse, num[:, :, 0]))
 
 
 def sharpened(found: Calibration, law: JointLaw) -> JointLaw:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
@@ -58,11 +59,22 @@ class PositionReadings(Locked):
         both = np.stack([seen, seen & self.six], axis=2)
         return np.repeat(both, 3, axis=2).reshape(len(self), -1)
 
-    def apart(self, pose: int) -> PositionReadings:
-        """The readings with the poses of a series from `pose` on as a series of their own."""
+    def apart(self, pose: int, targets: Sequence[int] = ()) -> PositionReadings:
+        """The readings with targets, or else a series, from `pose` on as ones of their own."""
+        since = np.arange(len(self)) >= pose
+        from_pose = f" from pose {self.pose[pose]}"
+        if targets:
+            every = np.arange(len(self.targets))
+            twice = np.repeat(every, 1 + np.isin(every, targets))
+            new = np.flatnonzero(np.diff(twice, prepend=-1) == 0)
+            at, names = self.at[:, twice], self.targets[twice]
+            at[np.ix_(since, new - 1)] = at[np.ix_(~since, new)] = np.nan
+            names[new] += from_pose
+            turn = self.turn[:, twice]
+            return replace(self, targets=names, six=self.six[twice], at=at, turn=turn)
         old = int(self.series[pose])
-        later = (self.series == old) & (np.arange(len(self)) >= pose)
-        name = f"{self.names[old]} from pose {self.pose[pose]}".strip()
+        later = (self.series == old) & since
+        name = f"{self.names[old]}{from_pose}".strip()
         return replace(
             self,
             series=self.series + ((self.series > old) | later),

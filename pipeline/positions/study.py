@@ -16,7 +16,7 @@ from scipy import special
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.bootstrap import interval
 from pipeline.geometry.arm_weight import usual
 from pipeline.machine.effects._anatomy import rail
@@ -59,17 +59,24 @@ _GROSS = 20.0
 any estimate [1]."""
 
 
-class _StationMove(NamedTuple):
-    """Move of the instrument from a pose of a series on, with its size and p-value.
+class MovedSince(NamedTuple):
+    """Motion of the robot's base, or of a target on the effector, from a pose of a series on.
 
-    `shift_m` and `turn_rad` are the motion of the robot's base in the frame of the instrument.
+    Attributes:
+        series: Name of the series.
+        pose: Number of the pose.
+        target: Name of the target; empty if the base moved in the frame of the instrument.
+        p: Probability that chance yields such a motion.
+        motion: Translation [m] and rotation [rad] in F_b, or in the frame of the target, (6,).
+        std: Their standard uncertainties.
     """
 
     series: str
     pose: int
-    shift_m: float
-    turn_rad: float
+    target: str
     p: float
+    motion: Array = np.zeros(6)
+    std: Array = np.zeros(6)
 
 
 class BadReading(NamedTuple):
@@ -121,7 +128,8 @@ class Study(Locked):
         stages: From the nominal table to the complete model.
         laws: Laws outside the catalogue, the largest gain first.
         bad: Readings that were left out.
-        moved: Moves of the instrument; readings after a move form a series of their own.
+        moved: Moves of the instrument or of targets; readings since form a series, or are of a
+            target, of their own.
         causes: Causes of the catalogue, the largest gain first.
         mistakes: Gross errors of the robot file, corrected in all other results.
         every: All readings, including those left out.
@@ -130,7 +138,7 @@ class Study(Locked):
     stages: tuple[StageResult, ...]
     laws: tuple[NamedLaw, ...]
     bad: tuple[BadReading, ...]
-    moved: tuple[_StationMove, ...] = ()
+    moved: tuple[MovedSince, ...] = ()
     causes: tuple[CatalogueCause, ...] = ()
     mistakes: tuple[TableMistake, ...] = ()
     every: LawSearchData | None = None
@@ -174,9 +182,9 @@ def study(
     base, names = _base(data, begun)
     other = _otherwise(data, base, rng)
     base = other.found if other else base
-    every, data, base, of, chances = _apart(every, data, base, rng)
-    begun = _framed(begun, of)
-    data, base, late = _without_blunders(every, data, base, gross)
+    every, data, base, (frames, points), since = _apart(every, data, base, rng)
+    begun = _framed(begun, frames, points)
+    data, base, late = _without_blunders(every, data, base, gross[:, points])
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
     if balanced(robot) and not other:  # where a balancer hides what the links weigh
@@ -192,7 +200,7 @@ def study(
         for step, found in steps
     )
     bad = tuple(_listed(every.readings, late))
-    moved = tuple(_moves(whole.found, chances))
+    moved = tuple(_moves(whole.found, since))
     weighed = other if weighs(robot) else _weigh(stages[1].found, stages[2].found, rng)
     form = OTHER_MASSES if other else ""
     sag = weighed.causes(whole.found, form) if weighed else ()
@@ -376,63 +384,69 @@ def _plain(data: LawSearchData, begun: Mechanism) -> Iterator[Calibration]:
 
 def _apart(
     every: LawSearchData, data: LawSearchData, found: Calibration, rng: np.random.Generator
-) -> tuple[LawSearchData, LawSearchData, Calibration, list[int], dict[str, float]]:
-    """Split series wherever the instrument moved.
+) -> tuple[LawSearchData, LawSearchData, Calibration, tuple[Ints, Ints], dict[str, MovedSince]]:
+    """Split series wherever the instrument moved, and targets wherever they did.
 
     Rail, joints and time are in the estimate already and compete; a move is accepted only if
     held-out stations or joint angles are then certainly predicted better.
 
     Returns:
         All readings, the readings in use, the estimate from these, the original index of each
-            series, and p-values of the new series by name.
+            series and of each target, and the moves by the names of new series and targets.
     """
-    of = list(range(len(data.readings.names)))
-    chances: dict[str, float] = {}
-    on_rail = rail(found.mechanism.table)
-    for _ in range(_MOST_MOVES):
-        signs = law_tests.flips(data.readings, rng, rail=on_rail)
-        moved = law_tests.instrument_move(found, signs)
+    was, on_rail = data.readings, rail(found.mechanism.table)
+    of = np.arange(len(was.names)), np.arange(len(was.targets))
+    since: dict[str, MovedSince] = {}
+    for _ in range(law_tests.MOST_MOVES):
+        here = data.readings
+        moved = law_tests.move(found, law_tests.flips(here, rng, rail=on_rail))
         if moved is None:
             break
-        then = replace(data, readings=data.readings.apart(moved.pose))
-        new = int(then.readings.series[moved.pose])
-        order = np.insert(np.arange(len(of)), new, new - 1).tolist()
-        # a frame for every series, copied from its original series
-        trial = then.again(replace(found, mechanism=_framed(found.mechanism, order)))
-        if not LeftOutPoses(partings(data.readings, rng, on_rail), rng).better(trial, found):
+        then = replace(data, readings=here.apart(moved.pose, moved.targets))
+        # frames and points of new series and targets are those of the original ones at first
+        frames = _origins(here.names, then.readings.names)
+        points = _origins(here.targets, then.readings.targets)
+        trial = then.again(replace(found, mechanism=_framed(found.mechanism, frames, points)))
+        if not LeftOutPoses(partings(here, rng, on_rail), rng).better(trial, found):
             break
-        file, line = data.readings.file[moved.pose], data.readings.line[moved.pose]
+        file, line = here.file[moved.pose], here.line[moved.pose]
         first = int(np.argmax((every.readings.file == file) & (every.readings.line == line)))
-        every = replace(every, readings=every.readings.apart(first))
+        every = replace(every, readings=every.readings.apart(first, moved.targets))
+        of = of[0][frames], of[1][points]
+        at = str(here.names[here.series[moved.pose]]), int(here.pose[moved.pose])
+        on = zip(then.readings.targets, was.targets[of[1]], strict=True)
+        for name, target in (*((name, "") for name in then.readings.names), *on):
+            if name not in here.names and name not in here.targets:
+                since[str(name)] = MovedSince(*at, str(target), moved.p)
         data, found = then, trial
-        of.insert(new, of[new - 1])
-        chances[str(data.readings.names[new])] = moved.p
-    return every, data, found, of, chances
+    return every, data, found, of, since
 
 
-_MOST_MOVES = 8
-"""Maximum number of moves; an instrument that moves more often drifts."""
+def _origins(before: Strings, after: Strings) -> Ints:
+    """Index before a move of each name after it, (k,); a new one follows the one that it was."""
+    return np.asarray(np.cumsum(np.isin(after, before)) - 1)
 
 
-def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
-    return replace(mechanism, frames=mechanism.frames[list(of)])
+def _framed(mechanism: Mechanism, frames: Ints, tool: Ints) -> Mechanism:
+    return replace(mechanism, frames=mechanism.frames[frames], tool=mechanism.tool[tool])
 
 
-def _moves(found: Calibration, chances: dict[str, float]) -> Iterator[_StationMove]:
-    """Motions of the robot's base in the frame of the instrument."""
-    readings, frames = found.readings, found.mechanism.frames
-    for name, p in chances.items():
-        k = readings.names.tolist().index(name)
-        first = int(np.flatnonzero(readings.series == k)[0])
-        shift = frames[k, :3, 3] - frames[k - 1, :3, 3]
-        turn = Rotation.from_matrix(frames[k - 1, :3, :3].T @ frames[k, :3, :3]).magnitude()
-        yield _StationMove(
-            str(readings.names[k - 1]),
-            int(readings.pose[first]),
-            float(np.linalg.norm(shift)),
-            float(turn),
-            p,
+def _moves(found: Calibration, since: dict[str, MovedSince]) -> Iterator[MovedSince]:
+    """Motions of the robot's base in the frame of the instrument, and of targets."""
+    readings, there, where = found.readings, found.mechanism, layout(found.mechanism)
+    for name, one in since.items():
+        names, frames, start = (
+            (readings.targets, there.tool, where.tool.start)
+            if one.target
+            else (readings.names, there.frames, where.frames.start)
         )
+        k = names.tolist().index(name)
+        motion = np.linalg.inv(frames[k - 1]) @ frames[k]
+        turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+        both = np.eye(len(found.cov))[start + 6 * k + np.r_[3:6, :3]]
+        both -= np.roll(both, -6, axis=1)
+        std = np.sqrt(np.diag(both @ found.cov @ both.T))
+        yield one._replace(motion=np.append(motion[:3, 3], turn), std=std)
 
 
 # --- blunders -------------------------------------------------------------------------------------
