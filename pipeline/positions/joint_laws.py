@@ -26,9 +26,6 @@ _HALF = 0.5
 """Minimum fraction of a curve's variance over the poses that one wave must explain to replace
 it [1]."""
 
-_REFUSED = 2
-"""Maximum number of laws that are refused, in addition to the curves."""
-
 
 @dataclass(frozen=True, eq=False)
 class NamedLaw(Locked):
@@ -234,22 +231,31 @@ def _of_all_else(
     signs: Array,
     judge: LeftOutPoses,
 ) -> tuple[Calibration, dict[_Key, float]]:
-    """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
+    """Estimate with further laws, the likeliest first, until none of any joint carries over."""
     p: dict[_Key, float] = {}
     free = [one for one in others if not any(_alike(one, law) for law in found.mechanism.laws)]
-    adopted = refused = 0
-    while adopted < law_tests.MOST_LAWS and refused < _REFUSED:
-        left = law_tests.law_tests(found, signs, free)
-        if not left or left[0].p >= alarms.LAW or left[0].law is None:
-            break
-        law = law_tests.sharpened(found, left[0].law)
-        more = _carried(data, found, law, judge)
+    while len(p) < law_tests.MOST_LAWS:
+        more = found
+        for law, chance in _first_of_joints(law_tests.law_tests(found, signs, free)):
+            sharp = law_tests.sharpened(found, law)
+            more = _carried(data, found, sharp, judge)
+            free = [one for one in free if not _alike(one, law)]
+            if more is not found:
+                p[_key(sharp)] = chance
+                break
         if more is found:
-            refused += 1
-        else:
-            found, adopted, p[_key(law)] = more, adopted + 1, left[0].p
-        free = [one for one in free if not _alike(one, left[0].law)]
+            break
+        found = more
     return found, p
+
+
+def _first_of_joints(clues: Sequence[law_tests.LawTest]) -> list[tuple[JointLaw, float]]:
+    """The first significant law of each joint with its p-value, the likeliest first."""
+    first: dict[int, tuple[JointLaw, float]] = {}
+    for clue in clues:
+        if clue.law is not None and clue.p < alarms.LAW:
+            first.setdefault(clue.joint, (clue.law, clue.p))
+    return list(first.values())
 
 
 def _carried(

@@ -30,7 +30,7 @@ from pipeline.positions.mechanism import frame_of, layout
 from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 
-_ORDERS = np.arange(0.5, 130.01, 0.25)
+_ORDERS = np.arange(0.5, 300.01, 0.25)
 """Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
 teeth."""
 
