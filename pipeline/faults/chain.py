@@ -2,7 +2,8 @@
 
 Both tests free one pull in the fit to all (see `system.score_tests`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
-pulls. A chain may stretch with the force and be hung differently in every pose. Its direction may
+pulls. A chain may stretch with the force and be hung differently in every pose and towards every
+anchor. Its direction may
 change with the force, as the load point yields; with its inverse, as a chain sags; or with the
 motion of the load point that the targets on the effector show, whether or not proportional to the
 force.
@@ -280,9 +281,9 @@ def _distance(chain: _Chain) -> _Off | None:
     Of the pulls with a force whose far end is no anchor.
 
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
-    uncertainty; one a and one b for all pulls or, if F tests call for it, one a for each pose, and
-    one b: a far end that is fixed in the hall does not follow the robot as it yields. The p-value
-    of t is two-sided and multiplied by the number of pulls.
+    uncertainty; one a and one b for all pulls or, if F tests call for it, one a for each pose and
+    anchor, and one b: a far end that is fixed in the hall does not follow the robot as it yields.
+    The p-value of t is two-sided and multiplied by the number of pulls.
     """
     at = np.flatnonzero(chain.free & np.isfinite(chain.force))
     if len(at) < _FEWEST:
@@ -291,7 +292,7 @@ def _distance(chain: _Chain) -> _Off | None:
     y = (y - np.median(y)) / std
     force = chain.force[at] / np.abs(chain.force[at]).max(initial=1.0)
     every = np.ones((len(y), 1))
-    poses = np.unique(chain.pose[at])[None, :] == chain.pose[at, None]
+    poses = np.unique(chain.towards[at])[None, :] == chain.towards[at, None]
     own = poses * force[:, None]
     common, hung = (np.hstack([one, force[:, None]]) / std[:, None] for one in (every, poses))
     laws = common, hung, np.hstack([poses, own]) / std[:, None]
