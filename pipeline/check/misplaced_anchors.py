@@ -184,28 +184,36 @@ def misplaced(asked: Screening) -> list[Mistake]:
     pulls = _Pulls.of(asked)
     if pulls is None or not _suspicious(pulls):
         return []
-    none, *found = _fits(pulls)
+    pulls, (none, *found) = _without_far(pulls)
     best = max(found, key=lambda fit: fit.evidence, default=none)
-    usual = best.left / pulls.noise(best.s)
-    if (far := usual > _FAR**2 * np.median(usual)).any():
-        claims = [fit.claim.only(~far) for fit in found if fit.claim.step]
-        pulls = pulls.only(~far)
-        none, *found = _fits(pulls, claims)
-        best = max(found, key=lambda fit: fit.evidence, default=none)
-    needed = odds.DECIDES / 2 + np.log(max(_count(pulls), 1))
-    clear = best.s <= max(none.s / CLEARLY_NEARER, _SPRINGS[0])
-    if not (clear and best.evidence - none.evidence >= needed):  # nor where nothing is determined
+    if not _certain(pulls, best, none):
         return []
     if best.claim.step:
         return [_of_column(asked, pulls, best, none)]
-    instead = [
-        fit.claim.anchor
-        for fit in found
-        if fit.claim.anchor not in (-1, best.claim.anchor)
-        and fit.evidence > best.evidence + np.log(_RIVAL)
-    ]
+    others = {
+        fit.claim.anchor: None for fit in found if fit.evidence > best.evidence + np.log(_RIVAL)
+    }
+    instead = [one for one in others if one not in (-1, best.claim.anchor)]
     off_m = float(np.linalg.norm(best.at - pulls.at[best.claim.anchor]))
     return [_of_place(asked.case, pulls, best, none, instead)] if off_m > _LEAST_M else []
+
+
+def _certain(pulls: _Pulls, best: _Fit, none: _Fit) -> bool:
+    """Whether a hypothesis holds; False also where nothing is determined."""
+    needed = odds.DECIDES / 2 + np.log(max(_count(pulls), 1))
+    clear = best.s <= max(none.s / CLEARLY_NEARER, _SPRINGS[0])
+    return bool(clear and best.evidence - none.evidence >= needed)
+
+
+def _without_far(pulls: _Pulls) -> tuple[_Pulls, list[_Fit]]:
+    """Pulls without those that the likeliest hypothesis leaves far off, and the fits to them."""
+    found = _fits(pulls, [*_columns(pulls)])
+    best = max(found, key=lambda fit: fit.evidence)
+    usual = best.left / pulls.noise(best.s)
+    if not (far := usual > _FAR**2 * np.median(usual)).any():
+        return pulls, found
+    columns = [fit.claim.only(~far) for fit in found if fit.claim.step]
+    return pulls.only(~far), _fits(pulls.only(~far), columns)
 
 
 def _count(pulls: _Pulls) -> int:
@@ -231,12 +239,11 @@ def _suspicious(pulls: _Pulls) -> bool:
     return none[1] > _SPRINGS[0] or max(near, default=-np.inf) > none[0]
 
 
-def _fits(pulls: _Pulls, columns: list[_Claim] | None = None) -> list[_Fit]:
+def _fits(pulls: _Pulls, columns: list[_Claim]) -> list[_Fit]:
     """The hypothesis that nothing is wrong, each of `_places`, and the best of the columns."""
-    x, at = pulls.moved.solved(pulls.moved.force), pulls.at
-    columns = [*_columns(pulls)] if columns is None else columns
+    x = pulls.moved.solved(pulls.moved.force)
     claims = [_Claim(pulls.place), *_places(pulls), *columns]
-    return [_fit(pulls, one, _begin(pulls, one, x), x) for one in claims if len(at)]
+    return [_fit(pulls, one, _begin(pulls, one, x), x) for one in claims]
 
 
 def _rows(pulls: _Pulls, claim: _Claim, at: Array, x: Array) -> Rows:
@@ -317,7 +324,7 @@ def _of_place(case: Case, pulls: _Pulls, best: _Fit, none: _Fit, instead: list[i
         after=after,
         size=float(np.linalg.norm(right - stated)),
         places=_count(pulls),
-        instead=tuple(names[n] for n in dict.fromkeys(instead)),
+        instead=tuple(names[n] for n in instead),
         entry=("anchors", name),
         correct=partial(with_places, "anchors", {name: tuple(right.tolist())}),
     )

@@ -62,7 +62,7 @@ def test_a_mistyped_number_is_named_with_the_one_that_was_meant(axis, wrong, sli
     }
 
 
-SIZES = [*product((0.1, 0.3, 0.7, 2.0), (2, 3, 5), (12,)), *product((0.4,), (1, 4), (8, 16))]
+SIZES = [*product((0.3, 0.7, 2.0), (2, 3, 5), (12,)), *product((0.4,), (1, 4), (8, 16))]
 
 
 @pytest.mark.sampled(4)
@@ -93,9 +93,10 @@ def test_right_anchors_are_not_accused(seed):
 
 
 def test_lost_motion_is_no_place_and_hides_none_that_is_a_metre_off():
-    one = Anchored.of(602, poses=14, lost=3e-4)
-    assert misplaced(asked(one)) == []
+    """Beside that of the first, another place of K1 is likelier by odds of e^34."""
+    assert misplaced(asked(Anchored.of(104, anchors=2, lost=2e-4))) == []
 
+    one = Anchored.of(602, poses=14, lost=3e-4)
     (found,) = misplaced(asked(off(one, "K2", 2, 1.0)))
 
     assert found.where == "K2"
