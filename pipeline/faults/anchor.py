@@ -7,9 +7,10 @@ that leaves the least of
 
     |y_i - f_i G_i(u_a) x|^2,    u_a = (p_a - near_i) / |p_a - near_i|,
 
-of the places p_a at which the chain ended in pulls of two or more poses, or of those of anchors and
-reflectors of the base in campaign.toml. A row of the loads with force f_j that names an anchor may
-be in the place of another one, which leaves |y_i - f_j G_i(u_a) x|^2 (see `assignment`).
+of the places p_a at which the chain ended in pulls of two or more poses, or of those of anchors in
+campaign.toml, and of reflectors of the base that rows name. A row of the loads with force f_j that
+names an anchor may be in the place of another one, which leaves |y_i - f_j G_i(u_a) x|^2 (see
+`assignment`).
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def _exchanged_rows(
 def ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
     """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors.
 
-    Where the log names them, these are the stated ones, then the reflectors of the base.
+    Where the log names them, they are those stated, then the reflectors of the base that it names.
     """
     rows = asked.reduced.placed
     rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
@@ -122,8 +123,9 @@ def ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
 
 
 def _places(case: Case) -> dict[str, Point]:
-    """Places to which a chain may go, anchors first, by name."""
-    return case.settings.anchors | case.settings.base_frame | case.settings.anchors
+    """Places to which a chain may go, by name: anchors, then reflectors of the base as named."""
+    own, named = case.settings.anchors, {*case.anchors.values()}
+    return own | {k: at for k, at in case.settings.base_frame.items() if k in named - {*own}}
 
 
 def _said(case: Case, own: int, there: Ints) -> str:

@@ -421,12 +421,11 @@ def _rows(scene: _Scene, free: Array, R: Array, t: Array) -> Rows:
     """
     at = scene.seen @ R.T + t
     entries, size, robot = scene.errors(at)
-    sized = entries * size
     placing = linear.motions(at - at.mean(axis=0)).reshape(-1, 6)
     return Rows(
         y=(at - scene.stated).ravel(),
         X=np.hstack([placing[:, 3:], placing[:, :3], free]),
-        noise=sized @ sized.T + scene.noise**2 * np.eye(3 * len(at)),
+        noise=(entries * size**2) @ entries.T + scene.noise**2 * np.eye(3 * len(at)),
         model=robot @ robot.T,
     )
 

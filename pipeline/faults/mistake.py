@@ -77,8 +77,8 @@ class Mistake:
 
     def in_toml(self, text: str) -> Mistake:
         """The mistake with the line of its entry in campaign.toml, of which this is the text."""
-        at = (f"campaign.toml:{line_of(text, self.entry)}",)
-        return replace(self, at=at) if self.entry else self
+        place = f"campaign.toml:{line_of(text, self.entry)}"
+        return replace(self, at=(place,)) if self.entry else self
 
     @property
     def of_reading(self) -> bool:

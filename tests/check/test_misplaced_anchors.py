@@ -137,11 +137,14 @@ def test_one_wrong_row_moves_no_anchor():
 
 @pytest.mark.parametrize("named", [True, False])
 def test_a_reflector_of_the_base_is_an_anchor_among_the_others(named):
-    """A row names one by mistake, or the chain went there and the row names another."""
+    """A row names one by mistake, or the chain went there and the row names another.
+
+    The chain of another pull is hooked there, and its row says so.
+    """
     one = Anchored.of(800)
-    other = [*one.went]
-    other[7] = "B1"
-    one = one.naming(other) if named else replace(one, went=tuple(other))
+    went, wrong = [*one.went], [*one.went]
+    went[20] = wrong[20] = (went if not named else wrong)[7] = "B1"
+    one = replace(one, went=tuple(went), named=tuple(wrong))
     given = asked(one)
     assert misplaced(given) == []
 
