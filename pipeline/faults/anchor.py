@@ -157,7 +157,7 @@ def _finding(
     group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
-    to, name = (R @ there[1] + t).tolist(), [*_places(case), ""][there[0]]
+    to, name = (R @ there[1] + t).tolist(), dict(enumerate(_places(case))).get(there[0], "")
     return Mistake(
         name="label_swap",
         where=group,
