@@ -21,6 +21,7 @@ SPOKEN: dict[str, tuple[str, ...] | None] = {
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
     "answer/conformity.py": ("DECIDED", "compared"),
+    "check/misplaced_anchors.py": (),
     "answer/words.py": ("MISTAKES", "DO", "DO_DESPITE", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),

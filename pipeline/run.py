@@ -191,7 +191,8 @@ def _of_pulls(name: str, raw: Raw, read: Any | None, keep: Keep, step: Step) -> 
     screened, right, test_pose, diagnosis = end.screened, end.right, end.where, end.diagnosis
     given = given if screened.findings else right
 
-    facts = replace(diagnosis.facts, mistakes=told_once(screened.findings))
+    stated = raw.files["campaign.toml"].decode("utf-8", "replace")
+    facts = replace(diagnosis.facts, mistakes=told_once(screened.findings, stated))
     springs = springs_of_extended(right, diagnosis)
     if both is not None:
         both = both.beside(springs, diagnosis)

@@ -836,7 +836,7 @@ _CORRECT: Mapping[str, str] = {
         f"{_AGAIN}"
     ),
     "loose_target": f"Fasten that target, and measure the pulls again{_AGAIN}",
-    "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
+    "tool_point": f"Measure that point again and correct campaign.toml{_AGAIN}",
     **dict.fromkeys(
         ("mounted_turned", "joint_offset", "link_length", "link_offset"),
         "Check that entry against the data sheet or the controller and correct the robot file"
@@ -851,7 +851,7 @@ def correct(facts: Facts) -> str:
         return f"Measure again what was not measured{_AGAIN}"
     if all(one.together for one in facts.mistakes):
         return f"Measure that pose again, all its states in one go{_AGAIN}"
-    kinds = {one.name for one in facts.mistakes}
+    kinds = {"tool_point" if one.entry else one.name for one in facts.mistakes}
     if len(kinds) == 1 and kinds <= _CORRECT.keys():
         several = len(facts.mistakes) > 1 or len(facts.mistakes[0].at) > 1
         number = ("those readings", "them") if several else ("that reading", "it")

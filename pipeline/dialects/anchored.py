@@ -108,8 +108,9 @@ def with_ends(
         settings: campaign.toml.
 
     Returns:
-        The readings, and the anchor of each such pull: its name where its place is stated, and
-            where it is not, its place as read from the tracker's first station [m].
+        The readings, and the anchor of each such pull: its name where its place is stated, in
+            [anchors] or [base_frame], and where it is not, its place as read from the tracker's
+            first station [m].
 
     Raises:
         InputError: An anchor has neither a place nor a reading.
@@ -120,7 +121,7 @@ def with_ends(
     at = _anchors(seen, rounds, loads, [*rows.values()], settings.anchors)
     named = {key: str(loads.word["anchor"][row]) for key, row in rows.items()}
     anchors = {key: at[name] for key, name in named.items()}
-    stated = {key: name for key, name in named.items() if name in settings.anchors}
+    stated = {key: name for key, name in named.items() if name in _places(settings)}
     R, t = rounds[0][1:]
     read = {key: R @ place + t for key, place in anchors.items() if key not in stated}
     ends = [
@@ -148,8 +149,8 @@ def again(case: Any) -> Any:
     rounds = _rounds(shots, case.settings.base_frame)
     R, t = rounds[0][1:]
     anchors = {key: R.T @ (at - t) for key, at in case.anchors_read.items()}
-    places = case.settings.anchors
-    anchors |= {key: np.array(places[name]) for key, name in case.anchors.items()}
+    places = _places(case.settings)  # a reflector that is wrong may be gone from the base
+    anchors |= {key: np.array(places[name]) for key, name in case.anchors.items() if name in places}
     found = {key: both for key, *_, both in _ends(shots, rounds, anchors, case.settings)}
     rows = case.readings[case.readings["state"] == "loaded"]
     keys = zip(rows["pose"].astype(int), rows["repeat"].astype(int), strict=True)
@@ -159,6 +160,11 @@ def again(case: Any) -> Any:
     readings = case.readings.copy()
     readings.loc[rows.index, _XYZ] = np.reshape(at, (-1, 3))
     return replace(case, readings=readings)
+
+
+def _places(settings: Any) -> dict[str, Any]:
+    """Stated places of anchors, and of reflectors of the base, which may be some, by name."""
+    return {**settings.base_frame, **settings.anchors}
 
 
 def _ends(

@@ -45,6 +45,7 @@ FAULTS: tuple[Fault, ...] = (
     exchanged.FAULT,
     labels.CHAIN,
     dead_sensor.FAULT,
+    anchor.PLACE,
     anchor.FAULT,
     exchanged_pulls.FAULT,
     exchanged_ladders.FAULT,

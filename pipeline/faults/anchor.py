@@ -7,9 +7,10 @@ that leaves the least of
 
     |y_i - f_i G_i(u_a) x|^2,    u_a = (p_a - near_i) / |p_a - near_i|,
 
-of the places p_a at which the chain ended in pulls of two or more poses, or of those that
-campaign.toml states. A row of the loads with force f_j that names an anchor may be in the place of
-another one, which leaves |y_i - f_j G_i(u_a) x|^2 (see `assignment`).
+of the places p_a at which the chain ended in pulls of two or more poses, or of those of anchors in
+campaign.toml, and of reflectors of the base that rows name. A row of the loads with force f_j that
+names an anchor may be in the place of another one, which leaves |y_i - f_j G_i(u_a) x|^2 (see
+`assignment`).
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.base import linear
+from pipeline.base import doors, linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.faults import exchanged_pulls
@@ -33,6 +34,7 @@ from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.readers.reflector_sets import CLEARLY_NEARER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Point
 from pipeline.system import odds
 
 
@@ -44,7 +46,7 @@ def wrong_anchors(asked: Screening) -> list[Mistake]:
     known = bool(asked.case.anchors) or anchors(asked.case)["anchor"].any()
     if not known or (moved := PullMoves.of(asked)) is None:
         return []
-    near, place, at = _ends(asked, moved)
+    near, place, at = ends(asked, moved)
     x = moved.solved(moved.force)
     given, scaled = (_left(moved.y, f, moved.G @ x) for f in (moved.force, moved.due(x)[0]))
     usual = moved.usual(given)
@@ -97,30 +99,39 @@ def _exchanged_rows(
         yield ring, exchanged_pulls.of_loads(asked, right, fit, ring, anchors=True)
 
 
-def _ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
-    """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors."""
+def ends(asked: Screening, moved: PullMoves) -> tuple[Array, Ints, Array]:
+    """Near end of each chain in F_b [m], its anchor, -1 for none, and the places of all anchors.
+
+    Where the log names them, they are those stated, then the reflectors of the base that it names.
+    """
     rows = asked.reduced.placed
     rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
-    pulls, chain = asked.reduced.data.pulls, asked.case.settings.naming.chain
+    pulls, case = asked.reduced.data.pulls, asked.case
     key = pd.MultiIndex.from_arrays([pulls.pose[moved.pull], pulls.repeat[moved.pull]])
     of_pulls = rows.set_index(["target", "pose", "repeat"]).sort_index()
-    begins, ends = (of_pulls.loc[name].reindex(key) for name in chain)
-    near, far = (one[XYZ].to_numpy(float) for one in (begins, ends))
-    if own := asked.case.anchors:
-        stated = pd.Series(asked.case.settings.anchors)
-        place = stated.index.get_indexer(pd.Index([own.get(one, "") for one in key]))
-        return near, place, np.array([*stated])
-    read = anchors(asked.case)
-    where = read["place"].where(read["anchor"], -1).reindex(ends["group"]).fillna(-1)
+    both = [of_pulls.loc[name].reindex(key) for name in case.settings.naming.chain]
+    near, far = (one[XYZ].to_numpy(float) for one in both)
+    if own := case.anchors:
+        named, places = [own.get(one, "") for one in key], _places(case)
+        place = pd.Index([*places]).get_indexer(pd.Index(named))
+        return near, place, np.array([*places.values()])
+    read = anchors(case)
+    where = read["place"].where(read["anchor"], -1).reindex(both[1]["group"]).fillna(-1)
     known, place = np.unique(where[where >= 0]), where.to_numpy(int)
     at = np.array([np.median(far[place == one], axis=0) for one in known])
     return near, np.where(place < 0, -1, np.searchsorted(known, place)), at
 
 
+def _places(case: Case) -> dict[str, Point]:
+    """Places to which a chain may go, by name: anchors, then reflectors of the base as named."""
+    own, named = case.settings.anchors, {*case.anchors.values()}
+    return own | {k: at for k, at in case.settings.base_frame.items() if k in named - {*own}}
+
+
 def _said(case: Case, own: int, there: Ints) -> str:
     """The anchor that is written down for a pull, and those that fit, in words."""
     if case.anchors:
-        names = [*case.settings.anchors]
+        names = [*_places(case)]
         return f"{names[own]}, as its row says, probably {' or '.join(names[k] for k in there)}"
     end, where = case.settings.naming.chain[1], anchors(case)
     known = np.unique(where["place"][where["anchor"]])
@@ -146,7 +157,7 @@ def _finding(
     group, at = str(far["group"].iloc[0]), tuple(dict.fromkeys((*lines_of(row), *lines_of(far))))
     both = rows.merge(placed, on="target")
     R, t = linear.rigid(*(both[[f"{c}_{k}" for c in XYZ]].to_numpy(float) for k in ("y", "x")))
-    to, name = (R @ there[1] + t).tolist(), dict(enumerate(case.settings.anchors)).get(there[0], "")
+    to, name = (R @ there[1] + t).tolist(), dict(enumerate(_places(case))).get(there[0], "")
     return Mistake(
         name="label_swap",
         where=group,
@@ -172,5 +183,16 @@ def _anchored(case: Case, group: str, pull: tuple[int, int], at: list[float], na
     rows.loc[(rows["group"] == group) & (rows["target"] == end), XYZ] = at
     return replace(case, readings=rows)
 
+
+_MISPLACED = "pipeline.check.misplaced_anchors:misplaced"
+"""Door to anchors of campaign.toml in the wrong place, and a column of them that is off by one."""
+
+
+def _misplaced(asked: Screening) -> list[Mistake]:
+    find = doors.found(_MISPLACED) if asked.case.anchors else None
+    return find(asked) if find else []
+
+
+PLACE = Fault("outlier", _misplaced, in_files=True)
 
 FAULT = Fault("label_swap", wrong_anchors, in_files=True)

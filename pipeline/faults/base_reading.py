@@ -66,8 +66,7 @@ class _Readings(Locked):
         """Shift of every used reading by itself [m], given the base."""
         white = self.white[used]
         base = self.base(used, np.repeat(np.arange(len(white)), 3))
-        found = base.beside(white[:, :, None, :])
-        return replace(found, N=found.N[:, 0], g=found.g[:, 0], whole=found.whole[:, 0])
+        return base.beside(white[:, :, None, :]).arranged(lambda one: one[:, 0])
 
 
 @dataclass(frozen=True, eq=False)

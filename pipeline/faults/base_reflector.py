@@ -97,6 +97,7 @@ def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> M
         after=after,
         size=size,
         p_value=p,
+        entry=("base_frame", name),
         correct=partial(_without_target, name=name),
     )
 

@@ -395,16 +395,15 @@ def _fit(scene: _Scene, entry: int | None) -> _Fit:
     R, t = _placed(scene, ~out)
     free = np.zeros((3 * len(out), 0)) if entry is None else scene.column(entry)
     for _ in range(_STEPS):
-        rows = _Rows.of(scene, free, R, t)
+        rows = _rows(scene, free, R, t)
         step = -rows.solved(_ROBOT_M[len(_ROBOT_M) // 2])[0][:6]
         turn = Rotation.from_rotvec(step[:3]).as_matrix()
-        R, t = turn @ R, turn @ (t - rows.centre) + rows.centre + step[3:]
-    rows = _Rows.of(scene, free, R, t)
-    tried = [rows.evidence(s) for s in _ROBOT_M]
-    x, cov = rows.solved(_ROBOT_M[int(np.argmax(tried))])
-    left = (rows.y - rows.X @ x).reshape(-1, 3)
-    evidence = float(logsumexp(tried) - np.log(len(tried)))
-    return _Fit(evidence if np.isfinite(evidence) else -np.inf, x[6:], cov[6:, 6:], left)
+        centre = (scene.seen @ R.T + t).mean(axis=0)
+        R, t = turn @ R, turn @ (t - centre) + centre + step[3:]
+    rows = _rows(scene, free, R, t)
+    evidence, s = rows.averaged(_ROBOT_M)
+    x, cov = rows.solved(s)
+    return _Fit(evidence, x[6:], cov[6:, 6:], (rows.y - rows.X @ x).reshape(-1, 3))
 
 
 def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
@@ -415,57 +414,64 @@ def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
     return linear.rigid(seen, stated)
 
 
+def _rows(scene: _Scene, free: Array, R: Array, t: Array) -> Rows:
+    """Rows of a hypothesis at p_b = R p_t + t: y the readings in F_b minus stated positions [m].
+
+    X are the columns of rotation and translation of the tracker, and those of a `free` entry.
+    """
+    at = scene.seen @ R.T + t
+    entries, size, robot = scene.errors(at)
+    placing = linear.motions(at - at.mean(axis=0)).reshape(-1, 6)
+    return Rows(
+        y=(at - scene.stated).ravel(),
+        X=np.hstack([placing[:, 3:], placing[:, :3], free]),
+        noise=(entries * size**2) @ entries.T + scene.noise**2 * np.eye(3 * len(at)),
+        model=robot @ robot.T,
+    )
+
+
 @dataclass(frozen=True, eq=False)
-class _Rows(Locked):
-    """Rows of a hypothesis, linearised at a pose of the tracker.
+class Rows(Locked):
+    """Rows y = X x + e of a hypothesis, e ~ N(0, noise + s^2 model), in blocks (...) of their own.
 
     Attributes:
-        y: Readings in F_b minus stated positions [m], shape (k,).
-        X: Columns of the free parameters: rotation and translation of the tracker, and an entry,
-            shape (k, 6 or 9).
-        base: Covariance without the robot's errors [m^2], shape (k, k).
-        robot: Covariance of the robot's errors of unit size, shape (k, k).
-        centre: Centre of the tracker's rotation [m], F_b.
+        y: Differences from what is stated, shape (..., k).
+        X: Columns of the free parameters, shape (..., k, n).
+        noise: Covariance without errors of the model, shape (..., k, k).
+        model: Covariance of errors of the model of unit size, shape (..., k, k).
     """
 
     y: Array
     X: Array
-    base: Array
-    robot: Array
-    centre: Array
-
-    @classmethod
-    def of(cls, scene: _Scene, free: Array, R: Array, t: Array) -> _Rows:
-        """Rows at p_b = R p_t + t."""
-        at = scene.seen @ R.T + t
-        centre = at.mean(axis=0)
-        entries, size, robot = scene.errors(at)
-        sized = entries * size
-        placing = linear.motions(at - centre).reshape(-1, 6)
-        return cls(
-            y=(at - scene.stated).ravel(),
-            X=np.hstack([placing[:, 3:], placing[:, :3], free]),
-            base=sized @ sized.T + scene.noise**2 * np.eye(3 * len(at)),
-            robot=robot @ robot.T,
-            centre=centre,
-        )
+    noise: Array
+    model: Array
 
     def _white(self, s: float) -> tuple[Array, Array, Array]:
-        W = linear.whitening(self.base + s**2 * self.robot)
-        return W, W @ self.X, W @ self.y
+        W = linear.whitening(self.noise + s**2 * self.model)
+        X = (W @ self.X).reshape(-1, self.X.shape[-1])
+        return W, X, (W @ self.y[..., None]).ravel()
 
     def solved(self, s: float) -> tuple[Array, Array]:
-        """Free parameters for robot's errors of size s [m], and their covariance."""
+        """Free parameters for errors of the model of size s, and their covariance."""
         _, X, y = self._white(s)
         inverse = linear.pseudoinverse(X)
         return inverse(y), np.asarray(inverse.cov)
 
-    def evidence(self, s: float) -> float:
+    def averaged(self, sizes: Array) -> tuple[float, float]:
+        """Logarithm of the restricted likelihood, averaged over some s, and the likeliest s.
+
+        It is -inf where the rows do not determine every free parameter.
+        """
+        each = np.array([self._evidence(s) for s in sizes])
+        mean = float(logsumexp(each) - np.log(len(each))) if np.isfinite(each).any() else -np.inf
+        return mean, float(sizes[int(np.argmax(each))])
+
+    def _evidence(self, s: float) -> float:
         """Restricted log likelihood, -1/2 (log|V| + log|X' V^-1 X| + y' P y)."""
         W, X, y = self._white(s)
         inside = linear.orthonormal(X)
         if inside.shape[1] < X.shape[1]:
             return -np.inf
         rest = float(y @ y - np.sum((inside.T @ y) ** 2))
-        size = -2 * np.log(np.diag(W)).sum() + float(linear.log_det(X.T @ X))
+        size = -2 * np.log(np.einsum("...ii->...i", W)).sum() + float(linear.log_det(X.T @ X))
         return -0.5 * float(size + rest)

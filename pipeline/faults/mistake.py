@@ -11,6 +11,7 @@ import pandas as pd
 
 from pipeline.base.errors import listed
 from pipeline.base.quantities import plain
+from pipeline.base.toml import line_of
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -43,6 +44,7 @@ class Mistake:
             where it stands alone.
         places: Number of places in the pulls that were compared to find it, of which chance alone
             makes one the best; 0 if the pulls are not what shows it.
+        entry: Path of the entry of campaign.toml that is wrong; empty if it is none.
     """
 
     name: str
@@ -65,12 +67,18 @@ class Mistake:
     instead: tuple[str, ...] = ()
     alike: str = ""
     places: int = 0
+    entry: tuple[str, ...] = ()
 
     @property
     def lost(self) -> Mistake:
         """The mistake if too few displacements remain without it, so that no value holds."""
         text = "nothing can be corrected, too few displacements are left without it"
         return replace(self, correct=as_it_is, correction=text, hopeless=True)
+
+    def in_toml(self, text: str) -> Mistake:
+        """The mistake with the line of its entry in campaign.toml, of which this is the text."""
+        place = f"campaign.toml:{line_of(text, self.entry)}"
+        return replace(self, at=(place,)) if self.entry else self
 
     @property
     def of_reading(self) -> bool:
@@ -84,11 +92,16 @@ class Mistake:
         return single and self.unit == "sigma" and self.p_value is not None
 
 
-def told_once(found: Sequence[Mistake]) -> tuple[Mistake, ...]:
-    """The mistakes, those of one origin as one with all their lines, where the first of them is."""
+def told_once(found: Sequence[Mistake], toml: str) -> tuple[Mistake, ...]:
+    """The mistakes, those of one origin as one with all their lines, where the first of them is.
+
+    Args:
+        found: The mistakes.
+        toml: Text of campaign.toml, by which wrong entries get their lines.
+    """
     origins: dict[tuple[str, str | int], list[Mistake]] = {}
     for k, one in enumerate(found):
-        origins.setdefault((one.name, one.alike or k), []).append(one)
+        origins.setdefault((one.name, one.alike or k), []).append(one.in_toml(toml))
     return tuple(_as_one(*of) for of in origins.values())
 
 

@@ -9,7 +9,6 @@ left to the diagnosis.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -165,12 +164,7 @@ def _shown(states: _States, first: int, pull: Ints, which: Ints) -> Array:
 
 def _flat(found: ScoreTests) -> ScoreTests:
     """The suspects of all poses in one row."""
-    return replace(
-        found,
-        N=found.N.reshape(-1, *found.N.shape[2:]),
-        g=found.g.reshape(-1, found.g.shape[-1]),
-        whole=found.whole.reshape(-1, found.whole.shape[-1]),
-    )
+    return found.arranged(lambda one: one.reshape(-1, *one.shape[2:]))
 
 
 def _finding(

@@ -41,15 +41,12 @@ def stale(case: Case) -> list[Mistake]:
         return []
     used = set(zip(case.readings["file"], case.readings["line"], strict=True))
     return [
-        outlying(
+        _repeats(
             f"{one.group}/{one.target}",
-            f"the reading {one.group}/{one.target} ({one.file}:{one.line}) repeats that of "
-            f"{one.of} before it to the last digit: it was not measured again",
-            "computed without this pull, whose direction is unknown",
-            before=0.0,
-            unit="mm",
+            f"{one.file}:{one.line}",
+            one.of,
+            correction="computed without this pull, whose direction is unknown",
             correct=as_it_is,
-            at=(f"{one.file}:{one.line}",),
         )
         for one in case.stale
         if (one.file, one.line) not in used
@@ -88,7 +85,8 @@ def repeated(asked: Screening) -> list[Mistake]:
             which = _copy(asked, names, here)
             for k in same[which]:
                 row = rows.loc[[k]].iloc[0]
-                one = _repeats(row, names[1 - which], names[which], p)
+                where, line = f"{names[which]}/{row['target']}", f"{row['file']}:{row['line']}"
+                one = _repeats(where, line, names[1 - which], p_value=p)
                 origin = f"{sorted(names)}" if alike else f"{here[1 - which]['at']} {row['at']}"
                 found.setdefault(k, replace(one, alike=origin))
     return [found[k] for k in sorted(found)]
@@ -158,19 +156,13 @@ def _scatter(rows: pd.DataFrame, still: pd.DataFrame, least: float) -> Array:
     return np.asarray(np.fmax(np.fmin(std, np.median(off) if off.size else np.nan), least))
 
 
-def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
-    where = f"{copy}/{row['target']}"
-    line = f"{row['file']}:{row['line']}"
+def _repeats(where: str, line: str, of: str, **known: Any) -> Mistake:
+    usual = {"correction": f"recomputed without {where}", "correct": partial(left_out, at=(line,))}
     return outlying(
         where,
         f"the reading {where} ({line}) repeats that of {of} to the last digit: it was not "
         "measured again",
-        f"recomputed without {where}",
-        before=0.0,
-        unit="mm",
-        p_value=p,
-        correct=partial(left_out, at=(line,)),
-        at=(line,),
+        **{"before": 0.0, "unit": "mm", "at": (line,), **usual, **known},
     )
 
 

@@ -40,6 +40,7 @@ def _finding(entry: DoubtfulEntry) -> Mistake:
         before=1e3 * size,
         size=size,
         size_unit="m",
+        entry=("tool", name),
         correct=partial(with_places, "tool", {name: tuple(entry.found.tolist())}),
     )
 

@@ -64,7 +64,7 @@ class FilesAsRead:
         treated: Exports that were not used unchanged.
         aside: What campaign.toml sets aside.
         anchors: Where the chain of a pull (pose, repeat) ends that has no reflectors: its name in
-            `Settings.anchors`.
+            `Settings.anchors` or `Settings.base_frame`.
         anchors_read: The same as read, where it is not stated: tracker's frame [m].
     """
 

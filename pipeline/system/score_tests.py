@@ -18,7 +18,7 @@ Procedure for Use in Geodetic Networks, 1968).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -107,7 +107,11 @@ class ScoreTests(Locked):
 
     def of_block(self, block: int) -> ScoreTests:
         """The suspects of one block."""
-        return replace(self, N=self.N[block], g=self.g[block], whole=self.whole[block])
+        return self.arranged(lambda one: one[block])
+
+    def arranged(self, way: Callable[[Array], Array]) -> ScoreTests:
+        """The same suspects, or some of them, in other blocks."""
+        return replace(self, N=way(self.N), g=way(self.g), whole=way(self.whole))
 
     def parts(self, at: Ints) -> ScoreTests:
         """Columns `at` (n, j) of one suspect of many columns, as n suspects of their own."""
@@ -124,9 +128,7 @@ class ScoreTests(Locked):
 
     def rows(self, suspects: Blocks) -> ScoreTests:
         """The same in the original order of the suspects, where they were padded by block."""
-        return replace(
-            self, N=suspects.rows(self.N), g=suspects.rows(self.g), whole=suspects.rows(self.whole)
-        )
+        return self.arranged(suspects.rows)
 
 
 @dataclass(frozen=True, eq=False)

@@ -341,7 +341,7 @@ def same(case):
     [
         (("outlier",), "Check that reading against the measurement record"),
         (("outlier", "outlier"), "Check those readings against the measurement record"),
-        (("tool_point",), "Measure that point of the effector again"),
+        (("tool_point",), "Measure that point again and correct campaign.toml"),
         (("unit_mixup",), "Check that against the measurement record"),
         (("outlier", "unit_mixup"), "Check that against the measurement record"),
     ],

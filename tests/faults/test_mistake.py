@@ -25,7 +25,7 @@ def test_mistakes_of_one_origin_are_one_with_all_their_lines():
         one("y"),
     )
 
-    told = told_once(found)
+    told = told_once(found, "")
 
     assert [each.where for each in told] == ["g1", "x", "h1", "g3", "y"]
     assert told[0].at == ("f:1", "f:2", "f:3")
@@ -36,7 +36,7 @@ def test_mistakes_of_one_origin_are_one_with_all_their_lines():
 
 def test_of_many_the_first_three_others_are_said():
     """Six in all."""
-    (told,) = told_once([one(f"g{k}", "copy", (f"f:{k}",)) for k in range(6)])
+    (told,) = told_once([one(f"g{k}", "copy", (f"f:{k}",)) for k in range(6)], "")
 
     assert told.evidence == "g0 is off; the same in g1, g2, g3 and 2 more"
     assert told.correction == "without g0, and the same in g1, g2, g3 and 2 more"
@@ -91,3 +91,12 @@ def test_other_errors_beside_them_have_nothing_in_common():
     found = [one(f"g{k}", at=(f"tracker.csv:{k}",), size=3e-3) for k in lines]
 
     assert in_common([*found, one("inch", name="unit_mixup")], readings()) == ""
+
+
+def test_a_wrong_entry_of_campaign_toml_is_told_with_its_line():
+    toml = 'name = "x"\n\n[anchors]\nH1 = [1.0, 2.0, 3.0]\nH2 = [1.0, 2.0, 3.0]\n'
+
+    wrong, other = told_once([replace(one("H2"), entry=("anchors", "H2")), one("g")], toml)
+
+    assert wrong.at == ("campaign.toml:5",)
+    assert other.at == one("g").at

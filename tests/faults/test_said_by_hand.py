@@ -201,6 +201,7 @@ SAID = {
     "base reflector": (
         lambda: base_reflector._finding("B2", 0.0012, 25.0, 3.5, 2e-9),
         says(
+            entry=("base_frame", "B2"),
             name="outlier", where="B2", before=25.0, after=3.5, unit="sigma", size=0.0012,
             size_unit="m", p_value=2e-9,
             evidence="the base reflector B2 is 1.20 mm from its place in [base_frame] in every "
@@ -586,13 +587,13 @@ SAID = {
         )[0],
         says(
             name="outlier", where="g/Pl2", before=0.0, size_unit="m", at=("t.csv:99",),
-            evidence="the reading g/Pl2 (t.csv:99) repeats that of Pl1 before it to the last "
+            evidence="the reading g/Pl2 (t.csv:99) repeats that of Pl1 to the last "
             "digit: it was not measured again",
             correction="computed without this pull, whose direction is unknown",
         ),
     ),
     "repeated reading": (
-        lambda: stale_reading._repeats(one_row("h", "P1", 6), "g", "h", 1e-8),
+        lambda: stale_reading._repeats("h/P1", "t.csv:6", "g", p_value=1e-8),
         says(
             name="outlier", where="h/P1", before=0.0, size_unit="m", at=("t.csv:6",), p_value=1e-8,
             evidence="the reading h/P1 (t.csv:6) repeats that of g to the last digit: it was not "
@@ -609,6 +610,7 @@ SAID = {
         ),
         says(
             name="tool_point", where="P1", before=12.3, size=0.0123, size_unit="m",
+            entry=("tool", "P1"),
             evidence="the target P1 is 12.3 mm from its place in [tool]: the readings place it at "
             "[0.1000, -0.2000, 0.0346] m in the flange frame, ± 0.0300 mm per axis",
             correction="recomputed with P1 at [0.1000, -0.2000, 0.0346] m",
