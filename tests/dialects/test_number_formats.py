@@ -119,7 +119,7 @@ def test_an_angle_that_is_shown_in_minutes_is_read_so():
     same = readers.read("t.xlsx", formatted([ANGLES[0], *plain], "General"), hints)
 
     assert readers.read("t.xlsx", data, hints).position == pytest.approx(same.position)
-    far = readers.read("t.xlsx", formatted(ANGLES, "0\"°\"00\"'\"00\"''\"", column=4), hints)
+    far = readers.read("t.xlsx", formatted(ANGLES, '0"°"00"\'"00"\'\'"', column=4), hints)
     assert not len(far.line)
     assert "not a number" in far.rejected[0][1]
 
