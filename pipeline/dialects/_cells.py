@@ -18,19 +18,27 @@ _GROUPS = tuple(
     for between, mark in ((",", "."), (r"\.", ","), ("[ '\u2019\u00a0\u202f\u2009]", ".,"))
 )
 """Numbers with thousands separators, recognised by a decimal mark of another kind after them."""
-_TURNS = re.compile(
-    rf"{_SIGN}(?P<d>[0-9]{{1,3}})"
-    r"(?:[°d] ?(?P<m>[0-9]{1,2})['′m] ?|-(?P<mm>[0-9]{2})-(?=.*[.,]))"
-    r"(?P<s>[0-9]{1,2}(?:[.,][0-9]+)?)(?:\"|″|''|s)?"
+_DEGREES = rf"{_SIGN}(?P<d>[0-9]{{1,3}})"
+_SECONDS = r"(?P<s>[0-5]?[0-9](?:[.,][0-9]+)?)"
+_TURNS = tuple(
+    re.compile(_DEGREES + rest)
+    for rest in (
+        rf" ?[°º˚dD] ?(?P<m>[0-5]?[0-9]) ?['′’mM] ?(?:{_SECONDS} ?(?:\"|″|”|''|′′|’’|[sS])?)?",
+        r" ?[°º˚dD] ?(?P<m>[0-5]?[0-9][.,][0-9]+) ?['′’mM](?P<s>)",
+        r"-(?P<m>[0-5][0-9])-(?P<s>[0-5]?[0-9][.,][0-9]+)",
+        rf"[ \u00a0](?P<m>[0-5]?[0-9])[ \u00a0]{_SECONDS}",
+    )
 )
-"""Degrees, minutes and seconds; separated by hyphens only if decimals show that it is not a
-date."""
+"""Degrees, minutes and seconds, or no seconds; separated by hyphens only if decimals show that it
+is not a date."""
 _FORTRAN = re.compile(r"(?<=[0-9.])[dD](?=[+-][0-9])")
-NOT_IN_NUMBERS = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
+NOT_IN_NUMBERS = "[ '’\u00a0\u202f\u2009−°º˚dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 """Characters and combinations that do not occur in numbers as programs parse them."""
 _IS_ODD = re.compile(NOT_IN_NUMBERS)
 _MINUTES = 60
 """Minutes in a degree, and seconds in a minute [1]."""
+_DIGITS = 12
+"""Number of decimals of degrees that were minutes and seconds [1]."""
 IN_BRACKETS = re.compile(r"\s*[\[(]\s*([^\])]*?)\s*[\])]")
 """Text in brackets in a title, usually the unit, with the blanks before it."""
 MARKS = ("//", "#", "%", "!")
@@ -128,19 +136,32 @@ def bare_number(cell: str) -> str:
     for grouped in _GROUPS:
         if found := grouped.fullmatch(plain):
             return found["sign"] + re.sub(r"[^0-9]", "", found["whole"]) + found["rest"]
-    found = _TURNS.fullmatch(plain)
+    found = _turn(plain)
     return _in_degrees(found) if found else plain
 
 
 def is_turn(cell: str) -> bool:
     """Whether a cell is an angle in degrees, minutes and seconds."""
-    return _TURNS.fullmatch(cell.replace("−", "-")) is not None
+    return _turn(cell.replace("−", "-")) is not None
+
+
+def seems_turn(cell: str) -> bool:
+    """Whether a cell is such an angle, or may be one of degrees and minutes alone."""
+    return is_turn(cell) or _TWO_PARTS.fullmatch(cell) is not None
+
+
+_TWO_PARTS = re.compile(r"[+-]?[0-9]{1,3} [0-5]?[0-9](?:[.,][0-9]+)?")
+
+
+def _turn(cell: str) -> re.Match[str] | None:
+    return next((found for one in _TURNS if (found := one.fullmatch(cell))), None)
 
 
 def _in_degrees(turn: re.Match[str]) -> str:
-    mark = "," if "," in turn["s"] else "."
-    minutes = int(turn["m"] or turn["mm"]) + float(turn["s"].replace(",", ".")) / _MINUTES
-    return turn["sign"] + f"{int(turn['d']) + minutes / _MINUTES:.12f}".replace(".", mark)
+    """Decimal degrees without a decimal mark, whichever the file has."""
+    minutes, seconds = (float((turn[one] or "0").replace(",", ".")) for one in "ms")
+    degrees = int(turn["d"]) + (minutes + seconds / _MINUTES) / _MINUTES
+    return f"{turn['sign']}{round(degrees * 10**_DIGITS)}e-{_DIGITS}"
 
 
 def is_special(line: str, layout: Layout) -> bool:

@@ -144,6 +144,17 @@ def _from_si(values: Array, meaning: Meaning) -> Array:
     return out
 
 
+def of_angles(angle: str | None) -> dict[str, float]:
+    """Factor from degrees, with minutes and seconds, to the unit of a column of angles.
+
+    Packed degrees, minutes and seconds have none: no factor makes them of other degrees. Where the
+    unit is not known, degrees stay degrees.
+    """
+    if angle is None:
+        return {"deg": 1.0}
+    return {"deg": _ANGLES["deg"] / _ANGLES[angle]} if angle in {*_ANGLES} - {PACKED} else {}
+
+
 def plain_angles(values: Array, angle: str | None) -> Array:
     """Convert packed degrees, minutes and seconds to decimal degrees; keep other angles.
 

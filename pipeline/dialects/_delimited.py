@@ -21,6 +21,7 @@ from pipeline.base.threads import WORTH_A_THREAD, spread
 from pipeline.dialects import _time
 from pipeline.dialects._cells import NOT_IN_NUMBERS, NUMBER_START, bare_number, cut_off, is_turn
 from pipeline.dialects._cut import HOPELESS, cut, hopeless
+from pipeline.dialects._number_formats import IN_FORMAT
 from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers import pose_names
 from pipeline.readers._layout import Field, Layout, TypedRows
@@ -132,7 +133,10 @@ def _without(cells: pa.StringArray, field: Field) -> tuple[pa.StringArray, Array
     cells = _without_name(_with_codes(cells)) if field.named and lettered else cells
     if field.unit and field.unit.lower() not in field.units:
         return pc.replace_substring_regex(cells, rf"(?i)\s*{re.escape(field.unit)}$", ""), None
-    return _without_units(cells, field.units) if field.units and lettered else (cells, None)
+    cells, factor = (
+        _without_units(cells, field.units) if field.units and lettered else (cells, None)
+    )
+    return cells, _of_turns(cells, field.units.get("deg", 1.0), factor)
 
 
 def _with_codes(cells: pa.StringArray) -> pa.StringArray:
@@ -171,6 +175,16 @@ def _without_units(
     return pa.array(plain, pa.string()), factor
 
 
+def _of_turns(cells: pa.StringArray, degree: float, factor: Array | None) -> Array | None:
+    """The factor of each cell as in `_without`, with `degree` for degrees, minutes and seconds."""
+    turns = [] if degree == 1.0 else [k for k, c in enumerate(cells.to_pylist()) if is_turn(c)]
+    if not turns:
+        return factor
+    out = np.ones(len(cells)) if factor is None else factor.copy()
+    out[turns] = degree
+    return out
+
+
 def _in_unit(column: _RawColumn, factor: Array | None) -> _RawColumn:
     """The values in the unit of the column."""
     if factor is None or (factor == 1.0).all():
@@ -179,8 +193,8 @@ def _in_unit(column: _RawColumn, factor: Array | None) -> _RawColumn:
 
 
 def _may_be_angle(field: Field) -> bool:
-    """Whether a column may hold angles, by its units or, if none are known, by its name."""
-    return "deg" in field.units if field.units else field.name not in ("x", "y", "z")
+    """Whether a column may hold angles: others, as of lengths, may not be in degrees."""
+    return "deg" in field.units
 
 
 def _bare_numbers(cells: pa.StringArray, turning: bool) -> pa.StringArray:
@@ -328,6 +342,8 @@ def _why_no_number(cell: str, layout: Layout) -> str:
         return ", too large for a number; correct or remove the row"
     if cell.lower().lstrip("+-") in _NO_NUMBERS:
         return ", not a number; measure it again or remove the row"
+    if IN_FORMAT in cell:
+        return ", which shows another number; choose a format that shows the one that is meant"
     if _WITH_UNIT.fullmatch(cell):
         return ", a number with its unit; write the unit into the title and only the number here"
     foreign = "." if mark == "," else ","

@@ -21,6 +21,7 @@ from pipeline.dialects._coordinates import (
     VERTICALS,
     ZEROS,
     Angles,
+    of_angles,
     settled_angles,
     settled_unit,
     uncertainties,
@@ -134,6 +135,8 @@ def read(
         form = form or form_of_times(text, header, comment)
     sorting = _sorting(text, header, comment)
     fields = {k: _field(c, k, axes, header.has("date")) for k, c in enumerate(header.columns)}
+    angle = of_angles(hints.angle or one_unit(header, axes.angular))
+    fields |= {k: replace(f, units=angle) for k, f in fields.items() if f.name in axes.angular}
     layout = Layout(
         fields=tuple((fields | sorting).values()),
         delimiter=header.delimiter,

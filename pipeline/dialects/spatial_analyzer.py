@@ -24,6 +24,8 @@ from pipeline.dialects._coordinates import (
     AXES,
     KIND_WORDS,
     Angles,
+    angular,
+    of_angles,
     settled,
     settled_angles,
     settled_unit,
@@ -34,7 +36,7 @@ from pipeline.dialects._named import Header, Named
 from pipeline.dialects._table_times import form_of
 from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._iso import ISO
-from pipeline.readers._layout import JOINT, Field, Kind, Layout, TypedRows
+from pipeline.readers._layout import JOINT, Field, Kind, Layout
 from pipeline.readers._reader import Export, Meaning, OutgoingReadings, Reader, written
 from pipeline.readers._text import SAMPLE_LINES, Text
 from pipeline.readers.export_settings import ExportSettings
@@ -91,11 +93,20 @@ def _read(text: Text, hints: ExportSettings) -> Export:
     first = next(n for n, line in text.lines() if is_plain(line, _COMMENT))
     comments = [line for _, line in text.lines(1, first - 1) if line.strip()]
     shape = _shape_from(text, first, comments, bool(hints.names))
+    stated = _stated(comments, hints, first)
     layout = Layout(
-        _fields(shape), shape.delimiter, first, hints.decimal, _COMMENT, shape.form, shape.compound
+        _fields(shape, stated),
+        shape.delimiter,
+        first,
+        hints.decimal,
+        _COMMENT,
+        shape.form,
+        shape.compound,
     )
     found = rows(text, layout)
-    meaning = _meaning(comments, hints, found, first)
+    with at(line=first):
+        third = np.asarray(found.columns[_AXES[2]])
+        meaning = settled_angles(stated.meaning, stated.angles, third, hints)
     titles, numbers = [f"{axis} of the coordinates" for axis in _AXES], map(found.floats, _AXES)
     found = found.without(within_a_circle(titles, [*numbers], found.line, meaning))
     covariances = _tables.covariances(
@@ -194,10 +205,14 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
     return []
 
 
-def _fields(shape: _RowShape) -> tuple[Field, ...]:
+def _fields(shape: _RowShape, stated: _Statement) -> tuple[Field, ...]:
     """Fields of names, coordinates and further columns; those without a role are not read."""
     out = [Field(n, "name" if n in _PARTS else "any", n in _PARTS) for n in shape.names]
-    out += [Field(axis, "number") for axis in _AXES]
+    angle = of_angles(stated.angle)
+    turning = angular(stated.meaning)
+    out += [
+        Field(axis, "number", units=angle if k in turning else {}) for k, axis in enumerate(_AXES)
+    ]
     for place, column in enumerate(shape.rest):
         kind: Kind = "any"
         if column.role == "time":
@@ -212,9 +227,22 @@ def _fields(shape: _RowShape) -> tuple[Field, ...]:
     return tuple(out)
 
 
-def _meaning(
-    comments: Sequence[str], hints: ExportSettings, table: TypedRows, line: int
-) -> Meaning:
+@dataclass(frozen=True)
+class _Statement:
+    """What header and settings state before a row is read.
+
+    Attributes:
+        meaning: Unit and kind of the coordinates.
+        angles: Unit, zero and sense of the angles by the header.
+        angle: Unit of the angles, None where it is not stated.
+    """
+
+    meaning: Meaning
+    angles: Angles
+    angle: str | None
+
+
+def _stated(comments: Sequence[str], hints: ExportSettings, line: int) -> _Statement:
     """Meaning of the numbers according to the header.
 
     Short units count only after `units` or in brackets.
@@ -233,15 +261,11 @@ def _meaning(
         unit = settled_unit(unit, hints)
         kind = settled(stated, hints.coordinates, "coordinates", 'coordinates = "..."')
     if kind == "cartesian":
-        return Meaning(unit)
-    angles = _only(_said(words, ANGLE_WORDS), "angles")
+        return _Statement(Meaning(unit), Angles(), None)
+    angle = _only(_said(words, ANGLE_WORDS), "angles")
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
-    zero = _only(zeros, "vertical angles")
-    third = np.asarray(table.columns["3"])
-    with at(line=line):
-        return settled_angles(
-            Meaning(unit, kind), Angles(angles, zero, "counter-clockwise"), third, hints
-        )
+    angles = Angles(angle, _only(zeros, "vertical angles"), "counter-clockwise")
+    return _Statement(Meaning(unit, kind), angles, hints.angle or angle)
 
 
 def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:

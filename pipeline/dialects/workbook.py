@@ -10,9 +10,10 @@ import datetime
 import io
 import re
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 from functools import lru_cache
+from html import escape, unescape
 from typing import IO, Any
 
 from python_calamine import CalamineError, CalamineSheet, CalamineWorkbook, SheetTypeEnum
@@ -20,6 +21,7 @@ from python_calamine import CalamineError, CalamineSheet, CalamineWorkbook, Shee
 from pipeline.base.errors import InputError, listed
 from pipeline.base.files import UNREADABLE_ZIP
 from pipeline.base.shown import too_large
+from pipeline.dialects._number_formats import POINT, shown, telling
 from pipeline.readers._text import LARGEST_WORKBOOK, Text, text
 
 _UNPACKED = 1_000_000_000
@@ -48,8 +50,18 @@ _BREAKS = re.compile(r"[\t\r\n]+")
 _HAS_ERROR = re.compile(rb"""\st\s*=\s*["']e["']""")
 _ERROR = re.compile(rb"""(<(?:[^\s<>/]+:)?c\s[^<>]*?\bt\s*=\s*["'])e(?=["'])""")
 """Type of a cell that holds an error, as `#N/A`; the whole beginning of such a cell."""
+_CELL_OR_VALUE = re.compile(
+    rb"""(?P<cell><(?:[^\s<>/]+:)?c(?=[\s/>]))(?P<about>[^<>]*)"""
+    rb"""|(?P<value><(?:[^\s<>/]+:)?v(?:\s[^<>]*)?>)(?P<content>[^<]*)"""
+)
+_TYPE = re.compile(rb"""\st\s*=\s*["'](?P<type>[^"']*)["']""")
+_STYLE = re.compile(rb"""\ss\s*=\s*["'](\d+)["']""")
 _SHEETS = "xl/worksheets/"
 """Folder of the sheets in a workbook."""
+_STYLES = "xl/styles.xml"
+"""Part of a workbook with its number formats."""
+_MOST_STYLES = 50_000_000
+"""Maximum size of that part [byte]; Excel writes 65 000 styles at most, in a fifth of it."""
 
 
 def opened(
@@ -78,7 +90,8 @@ def sheets(
     table: str | None = None,
 ) -> dict[str, Text]:
     """The sheets of a workbook that are not empty, or the one that is named; as for `opened`."""
-    data = _legible(data) if _bounded(data) else data
+    forms = _bounded(data)
+    data = data if forms is None else _legible(data, forms)
     try:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
@@ -111,7 +124,7 @@ def _lines_of(
         raise InputError(f"{thing} that are read", _which(table))
     lines, left = {}, _MOST_CELLS
     for one in wanted:
-        rows = _filled_down(book.get_sheet_by_name(one))
+        rows = _without_stated_units(_filled_down(book.get_sheet_by_name(one)))
         left -= sum(map(len, rows))
         if left < 0:
             raise InputError(f"the sheets have more than {_MOST_CELLS} cells", _which(table))
@@ -155,6 +168,29 @@ def _filled_down(sheet: CalamineSheet) -> list[list[Any]]:
     return rows
 
 
+def _without_stated_units(rows: list[list[Any]]) -> list[list[Any]]:
+    """The rows with no unit from a number format where a title in the column says the same."""
+    texts = [(row, k, one) for row in rows for k, one in enumerate(row) if isinstance(one, str)]
+    formed = [one for one in texts if one[2].startswith(_OF_FORMAT)]
+    stated: dict[int, set[str]] = {k: set() for _, k, _ in formed}
+    for _, k, title in texts if formed else ():
+        found = None if title.startswith(_OF_FORMAT) else _STATED.search(title)
+        if found and k in stated:
+            stated[k] |= {found[1], found[1].replace("deg", "°")}
+    for row, k, number in formed:
+        found = _WITH_UNIT.fullmatch(number)
+        if found and found[2] in stated[k]:
+            row[k] = found[1]
+    return rows
+
+
+_OF_FORMAT = "\ue001"
+"""Before a number that is text since its format says more."""
+_STATED = re.compile(r"(?:^|[\s_\[(/])([^\W\d_]+|°)[\])]?\s*$")
+"""Unit at the end of a title."""
+_WITH_UNIT = re.compile(rf"({_OF_FORMAT}[-+0-9e{POINT}]+)\s*([^\W\d_]+|°)")
+
+
 def _lines(rows: Sequence[list[Any]], mark: str | None) -> bytes:
     """Write rows as lines; a row without a filled cell becomes a blank line."""
     mark = mark or _mark_of_texts(cell for row in rows for cell in row)
@@ -183,8 +219,12 @@ def _cell(value: Any, mark: str) -> str:
         return plain.replace(".", mark)
     if isinstance(value, datetime.datetime):
         return _time(value).isoformat()
+    if isinstance(value, datetime.timedelta):
+        minutes, seconds = divmod(round(value.total_seconds(), 3), 60)
+        clock = f"{minutes // 60:.0f}:{minutes % 60:02.0f}:{seconds:06.3f}"
+        return clock.removesuffix(".000")
     if isinstance(value, str):
-        bare = _BREAKS.sub(" ", value)
+        bare = _BREAKS.sub(" ", value.removeprefix(_OF_FORMAT)).replace(POINT, mark)
         return '"' + bare.replace('"', '""') + '"' if '"' in bare else bare
     return str(value)
 
@@ -195,11 +235,12 @@ def _time(value: datetime.datetime) -> datetime.datetime:
     return value.replace(microsecond=0) + datetime.timedelta(microseconds=whole)
 
 
-def _bounded(data: bytes) -> bool:
+def _bounded(data: bytes) -> dict[int, str] | None:
     """Check the size of a workbook and of its parts, without trusting their stated sizes.
 
     Returns:
-        Whether some cell may hold an error.
+        Number formats that show more than the number, by style; None if no cell is in one of them
+        or holds an error.
 
     Raises:
         InputError: It is too large, or not a workbook.
@@ -213,7 +254,10 @@ def _bounded(data: bytes) -> bool:
                 raise InputError(f"the workbook unpacked {too_large(size, _UNPACKED)}", _SMALLER)
             if "xl/workbook.xml" not in packed.namelist():
                 raise InputError("the file is a ZIP archive and no workbook", "unpack it")
-            return sum(_as_said(packed, one) for one in packed.infolist()) > 0
+            forms = telling(_styles(packed))
+            styles = {b"%d" % k for k in forms}
+            found = [_as_said(packed, one, styles) for one in packed.infolist()]
+            return forms if any(found) or 0 in forms else None
     except UNREADABLE_ZIP as problem:
         thing = f"the workbook is damaged ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
@@ -222,8 +266,28 @@ def _bounded(data: bytes) -> bool:
 _SMALLER = "save the sheet as CSV, which may be larger"
 
 
-def _legible(data: bytes) -> bytes:
-    """A workbook whose errors (`#N/A`) are text; the reader takes them for empty cells."""
+def _styles(packed: zipfile.ZipFile) -> bytes:
+    """The part of a workbook with its number formats; empty if there is none."""
+    for one in packed.namelist():
+        if one.lower() == _STYLES:
+            with packed.open(one) as part:
+                found = part.read(_MOST_STYLES + 1)
+            if len(found) > _MOST_STYLES:
+                says = f"the styles of the workbook {too_large(len(found), _MOST_STYLES)}"
+                raise InputError(says, _SMALLER)
+            return found
+    return b""
+
+
+def _legible(data: bytes, forms: Mapping[int, str]) -> bytes:
+    """A workbook whose errors (`#N/A`), and numbers in some formats, are text.
+
+    The reader takes errors for empty cells, and does not see formats.
+
+    Args:
+        data: The workbook.
+        forms: Number formats that show more than the number, by style.
+    """
     out = io.BytesIO()
     with (
         zipfile.ZipFile(io.BytesIO(data)) as packed,
@@ -231,10 +295,39 @@ def _legible(data: bytes) -> bytes:
     ):
         for one in packed.infolist():
             with packed.open(one) as part, copied.open(one.filename, "w", force_zip64=True) as to:
-                for piece in _elements(part):
-                    of_sheet = one.filename.startswith(_SHEETS)
-                    to.write(_ERROR.sub(rb"\1str", piece) if of_sheet else piece)
+                pieces = _elements(part)
+                for piece in _cells(pieces, forms) if one.filename.startswith(_SHEETS) else pieces:
+                    to.write(piece)
     return out.getvalue()
+
+
+def _cells(pieces: Iterable[bytes], forms: Mapping[int, str]) -> Iterator[bytes]:
+    """A sheet in pieces, with errors as text, and numbers in some formats as these show them."""
+    form: str | None = None
+
+    def as_text(found: re.Match[bytes]) -> bytes:
+        nonlocal form
+        if found["cell"]:
+            form = _form(found["about"], forms)
+            if form is None:
+                return found[0]
+            return found["cell"] + b' t="str"' + _TYPE.sub(b"", found["about"])
+        if form is None:
+            return found[0]
+        number = unescape(found["content"].decode("utf-8", "replace"))
+        return found["value"] + escape(_OF_FORMAT + shown(number, form)).encode()
+
+    for piece in pieces:
+        text = _ERROR.sub(rb"\1str", piece)
+        yield _CELL_OR_VALUE.sub(as_text, text) if forms else text
+
+
+def _form(about: bytes, forms: Mapping[int, str]) -> str | None:
+    """The format that shows more than the number in a cell; None if it has none, or no number."""
+    style, of = _STYLE.search(about), _TYPE.search(about)
+    if of and of["type"] != b"n":
+        return None
+    return forms.get(int(style[1]) if style else 0)
 
 
 def _elements(part: IO[bytes]) -> Iterator[bytes]:
@@ -255,17 +348,22 @@ def _spanned(piece: bytes) -> tuple[int, int]:
     return max(named, default=0), max((int(row) for _, row in places), default=0)
 
 
-def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> bool:
+def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo, styles: Set[bytes]) -> bool:
     """Check that a part is no longer than stated; zipfile stops there, but later readers do not.
 
+    Args:
+        packed: The workbook.
+        one: The part.
+        styles: Numbers of styles that are sought.
+
     Returns:
-        As `_bounded`, of this part.
+        Whether a cell may hold an error, or have one of the styles.
     """
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which belongs to the stated length
     found = cells = rows = columns = counted = unfinished = 0
-    before, errors = b"", False
+    before, told = b"", False
     with packed.open(longer) as part:
         for piece in iter(lambda: part.read(_PIECE), b""):
             found, seen = found + len(piece), before[-_REFERENCE:] + piece
@@ -282,7 +380,14 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> bool:
             if rows * columns > _MOST_SPANNED:
                 thing = f"a sheet spans {columns} columns and {rows} rows, most of them empty"
                 raise InputError(thing, _SMALLER)
-            before, errors = piece, errors or _HAS_ERROR.search(seen) is not None
+            before, told = piece, told or _told(seen, styles)
     if found > one.file_size:
         raise zipfile.BadZipFile(f"{one.filename} is longer than it says")
-    return errors
+    return told
+
+
+def _told(piece: bytes, styles: Set[bytes]) -> bool:
+    """Whether a piece of a sheet may have an error, or one of some styles."""
+    if _HAS_ERROR.search(piece):
+        return True
+    return bool(styles) and not styles.isdisjoint(_STYLE.findall(piece))

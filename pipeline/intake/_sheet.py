@@ -13,8 +13,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import InputError
-from pipeline.dialects._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
-from pipeline.dialects._coordinates import KIND_WORDS
+from pipeline.dialects._cells import (
+    IN_BRACKETS,
+    MARKS,
+    bare,
+    cells_or_none,
+    is_number,
+    is_plain,
+    is_remark,
+    is_turn,
+    seems_turn,
+)
+from pipeline.dialects._coordinates import AXES, KIND_WORDS, ZEROS
 from pipeline.dialects._named import FOREIGN, UNIT_LINE, WORD, said_units
 from pipeline.dialects._titles import name_a_place, titled
 from pipeline.dialects._unit_words import ANGLE_WORDS, UNIT_WORDS
@@ -144,6 +154,8 @@ def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) ->
     found: dict[int, list[tuple[int, tuple[str, ...]]]] = {}
     for number, line in lines:
         cells = cells_of(line, delimiter) if is_plain(line, mark) else None
+        if delimiter == " " and _has_turn(line):
+            continue
         if cells and sum(map(is_number, cells)) >= _LEAST:
             found.setdefault(len(cells), []).append((number, tuple(cells)))
     if not found:
@@ -151,6 +163,17 @@ def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) ->
     width = max(found, key=lambda one: len(found[one]))
     rows = tuple(found[width])
     return _Rows(delimiter, width, rows, _chunks(dict(lines), rows) if delimiter == " " else ())
+
+
+def _has_turn(line: str) -> bool:
+    """Whether one of three or more cells is an angle whose parts are apart by single blanks.
+
+    Degrees and minutes alone may be two cells, unless tabs separate cells.
+    """
+    tabs = "\t" in line
+    cells = [cell.strip() for cell in (line.split("\t") if tabs else WIDE_GAP.split(line.strip()))]
+    turns = [cell for cell in cells if (seems_turn if tabs else is_turn)(cell)]
+    return bool(turns) and len(turns) + sum(map(is_number, {*cells} - {*turns})) >= _LEAST
 
 
 def _chunks(
@@ -273,11 +296,22 @@ def _ways(line: str, found: _Rows) -> list[list[str] | None]:
     ways = [cells_of(line, found.delimiter)]
     gaps = [cell.strip() for cell in WIDE_GAP.split(line.strip())]
     if len(gaps) == len(found.chunks) and sum(found.chunks) == found.width:
-        own = zip(gaps, found.chunks, strict=True)
-        ways.insert(0, [cell for title, k in own for cell in _of_chunk(title, k)])
+        own = [*zip(gaps, found.chunks, strict=True)]
+        if not any(_over_several(title, k) for title, k in own):
+            ways.insert(0, [cell for title, k in own for cell in _of_chunk(title, k)])
     if found.delimiter == " " or name_a_place(gaps):  # as SpatialAnalyzer writes above commas
         ways.append(gaps)
     return ways
+
+
+def _over_several(title: str, count: int) -> bool:
+    """Whether the title of one coordinate is above several cells, none of which is all of it."""
+    words = IN_BRACKETS.sub("", title).split()
+    return 1 < count != len(words) and titled([title])[0].role in _ALONE
+
+
+_ALONE = {*AXES["cartesian"], *AXES["spherical"], *ZEROS}
+"""Roles of columns with one number each."""
 
 
 def _of_chunk(title: str, count: int) -> list[str]:

@@ -383,10 +383,11 @@ def _stated_angle_units(
 ) -> frozenset[str]:
     """Units of angles that titles and lines above state, and those that the cells show."""
     units = stated.angles | _stated_units(table, angular, ANGLE_WORDS)
-    if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
-        return units | {"deg"}
-    if any(_PACKED.search(table.sheet.titles[k]) for k in angular):
-        return units - {"deg"} | {PACKED}
+    turns = {k for k in angular if any(map(is_turn, table.content[k].cells))}
+    packed = any(_PACKED.search(table.sheet.titles[k]) for k in {*angular} - turns)
+    if turns or packed:
+        shown = {"deg"} if turns else set()
+        return units - ({"deg"} if packed else set()) | shown | ({PACKED} if packed else set())
     doubtful = hints.angle is None and units == {"deg"} and seem_packed(table.numbers(angular))
     return frozenset() if doubtful else units
 

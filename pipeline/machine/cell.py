@@ -359,11 +359,13 @@ def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array,
     m, n = deflection.shape
     w, v = np.ascontiguousarray(twists.T).reshape(2, 3, n, m)
     turns, shifts = _exponential(w * deflection.T, v * deflection.T)
+    moves = np.concatenate([turns, shifts[:, None]], axis=1)
     before, at = np.empty((3, 3, n, m)), np.empty((3, n, m))
     R, t = np.repeat(np.eye(3)[:, :, None], m, axis=2), np.zeros((3, m))
     for k in order:
         before[:, :, k], at[:, k] = R, t
-        R, t = _turned(R[:, :, None], turns[:, :, k]), t + _turned(R, shifts[:, k])
+        moved = _turned(R[:, :, None], moves[:, :, k])
+        R, t = moved[:, :3], t + moved[:, 3]
     omega = _turned(before, w)
     return np.concatenate([omega, _turned(before, v) + cross(at.T, omega.T).T]).T, R, t
 

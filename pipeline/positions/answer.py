@@ -55,6 +55,7 @@ from pipeline.positions.facts import facts_of
 from pipeline.positions.mechanism import layout
 from pipeline.positions.pose_errors import unusual
 from pipeline.positions.position_rows import farther_than_real
+from pipeline.positions.remarks import remarks
 from pipeline.positions.study import ModelStage, StageResult, Study
 from pipeline.positions.table_entries import table_combinations, table_entries
 from pipeline.store.campaign import Raw
@@ -143,6 +144,7 @@ def answer(results: PositionsResults) -> Answer:
         rejected=rejected,
         findings=(
             *(f"{capital(one)}." for one in farther_than_real(_nominal_m(found))),
+            *(f"{one}." for one in remarks(raw.settings, last.found.readings)),
             *contradicted(payloads, "positions"),
             *_untested(payloads),
             *_instrument(found),

@@ -18,6 +18,7 @@ from pipeline.positions.left_out import distances
 from pipeline.positions.mechanism import linearised
 from pipeline.positions.position_rows import PositionSheet, farther_than_real, position_rows
 from pipeline.positions.positioned import Positioned, as_read, usable
+from pipeline.positions.remarks import remarks
 from pipeline.store.campaign import Raw
 
 
@@ -31,7 +32,8 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     rejected = rejected_entries(read.rejected)
     series = [str(one) for one in readings.names]
     far = [*farther_than_real(off_m)]
-    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *far]
+    said = remarks(raw.settings, readings)
+    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *far, *said]
     todo = f"pipeline {'check' if far else 'run'} {typed(name)}"
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
     off = f"{plain(1e3 * off_m, 2)}"

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -242,6 +242,10 @@ class PositionsEstimate(Locked):
         return ((under_pulls(self.compliance, self.moments, self.gravity), np.ones(1)),)
 
 
+_POSTURES = 64
+"""Number of sets of poses of which the stiffening is kept, one for each error of the table."""
+
+
 def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
     """Known links whose weight adds to the deflection under a pull, c G c tau.
 
@@ -251,8 +255,12 @@ def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
         gravity: Acceleration in F_b [m/s^2], shape (3,).
     """
 
+    @lru_cache(maxsize=_POSTURES)  # the equilibrium asks several times, each force anew
+    def stiffened(here: Configuration) -> Array:
+        return stiffening(here, gravity, moments)
+
     def response(loaded: Loaded, tau: Array) -> Array:
-        G = stiffening(loaded.configuration, gravity, moments)
+        G = stiffened(loaded.configuration)
         return np.asarray(compliance * np.einsum("mjk,k,mk->mj", G, compliance, tau))
 
     return Elastic(

@@ -15,6 +15,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.dh_parameters import dh_parameters
 from pipeline.machine.robot.weight import by_moments, carried, link_moments
+from pipeline.positions import positions_estimate
 from pipeline.positions.calibrate import ModelStructure, calibrate, tried
 from pipeline.positions.initial import begin
 from pipeline.positions.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
@@ -102,6 +103,29 @@ def test_weight_turns_the_joints_further_under_a_pull(arm):
     most = np.abs(truth).max()
     assert np.abs(with_it).max() < 3e-4 * most
     assert np.abs(without).max() > 2e-3 * most
+
+
+def test_the_stiffening_of_a_posture_is_computed_once(arm, monkeypatch):
+    """However many times its equilibrium, and that of other forces, asks for it."""
+    robot, c, _, q = arm
+    asked = []
+
+    def counted(*given):
+        asked.append(given[0])
+        return stiffening(*given)
+
+    monkeypatch.setattr(positions_estimate, "stiffening", counted)
+    names = np.array([f"P{k}" for k in range(len(TOOL))], dtype=object)
+    held = ((under_pulls(c, link_moments(robot), GRAVITY), np.ones(1)),)
+    heavy = replace(
+        Cell(robot, Tool(LOAD_POINT, names, TOOL), baseline(robot)),
+        held=held,
+        equilibrium="deformed",
+    )
+    for size in (100.0, 200.0):
+        predict(heavy, Pulls.at(q, np.tile([0.0, 0.0, size], (len(q), 1))), c)
+
+    assert len(asked) == 1
 
 
 def sagged(machine, q):

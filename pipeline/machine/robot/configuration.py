@@ -76,7 +76,7 @@ _FEW = 256
 times."""
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _kept(robot: Robot, q: bytes, m: int) -> Configuration:
     """Cached frames, keyed by the joint values as bytes."""
     return _configured(robot, np.frombuffer(q).reshape(m, robot.n))
