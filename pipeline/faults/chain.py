@@ -2,11 +2,10 @@
 
 Both tests free one pull in the fit to all (see `system.score_tests`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
-pulls. A chain may stretch with the force and be hung differently in every pose and towards every
-anchor. Its direction may
-change with the force, as the load point yields; with its inverse, as a chain sags; or with the
-motion of the load point that the targets on the effector show, whether or not proportional to the
-force.
+pulls. A chain may stretch with the force, and be hung differently in every pose and towards every
+anchor. Its direction may change with the force, as the load point yields; with its inverse, as a
+chain sags; or with the motion of the load point that the targets on the effector show, whether or
+not proportional to the force.
 """
 
 from __future__ import annotations
@@ -221,11 +220,10 @@ def chain_gross(case: Case) -> list[Mistake]:
 
 def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Chain:
     """The chain of a case as it was read, without the forces of some pulls, (pose, repeat)."""
-    near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     key = pd.MultiIndex.from_frame(rows[["pose", "repeat"]])
     rows = rows[~key.isin([*case.anchors, *case.anchors_read])]
-    ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]
+    ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
     both = ends[0].index.intersection(ends[1].index)
     ends = [end.loc[both] for end in ends]
     at = np.stack([end[XYZ].to_numpy(float) for end in ends], axis=1)
@@ -293,9 +291,8 @@ def _distance(chain: _Chain) -> _Off | None:
     force = chain.force[at] / np.abs(chain.force[at]).max(initial=1.0)
     every = np.ones((len(y), 1))
     poses = np.unique(chain.towards[at])[None, :] == chain.towards[at, None]
-    own = poses * force[:, None]
     common, hung = (np.hstack([one, force[:, None]]) / std[:, None] for one in (every, poses))
-    laws = common, hung, np.hstack([poses, own]) / std[:, None]
+    laws = common, hung, np.hstack([poses, poses * force[:, None]]) / std[:, None]
     off = among_all = _each(common, y)
     for law, wider in pairwise(laws):
         kept = np.arange(len(y)) != np.argmax(off.drop)
