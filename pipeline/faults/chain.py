@@ -139,8 +139,7 @@ def _outlier(asked: Screening) -> list[Mistake]:
 
     A chain stretches by its force, not by what was logged.
     """
-    unknown = frozenset(key for key, odd in odd_forces(asked).items() if odd)
-    return chain_outlier(asked.case, unknown)
+    return chain_outlier(asked.case, frozenset(k for k, odd in odd_forces(asked).items() if odd))
 
 
 def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> list[Mistake]:
@@ -211,8 +210,7 @@ def chain_gross(case: Case) -> list[Mistake]:
     names = case.settings.naming.chain
     text = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
     text += "in the other pulls"
-    sigmas = float(away[best] / chain.std[best])
-    off = _Off(best, sigmas, 1, float(away[best]), None)
+    off = _Off(best, float(away[best] / chain.std[best]), 1, float(away[best]), None)
     miss = _misses(chain, best) or (0.0, 0.0)
     ends = enumerate(miss) if min(miss) > GROSS_DISTANCE_M else [_end(chain, best)]
     return [_finding(case, chain, off, text, end) for end in ends]
@@ -290,7 +288,11 @@ def _distance(chain: _Chain) -> _Off | None:
     y = (y - np.median(y)) / std
     force = chain.force[at] / np.abs(chain.force[at]).max(initial=1.0)
     every = np.ones((len(y), 1))
-    poses = np.unique(chain.towards[at])[None, :] == chain.towards[at, None]
+    sets = chain.towards[at]
+    sets = np.where(np.bincount(sets)[sets] > 1, sets, -chain.pose[at])
+    alone = pd.Series(sets).groupby(chain.pose[at]).transform("max")  # hung as others of its pose
+    sets = np.where(sets < 0, alone, sets)
+    poses = np.unique(sets)[None, :] == sets[:, None]
     common, hung = (np.hstack([one, force[:, None]]) / std[:, None] for one in (every, poses))
     laws = common, hung, np.hstack([poses, poses * force[:, None]]) / std[:, None]
     off = among_all = _each(common, y)
@@ -381,8 +383,7 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
     apart = np.sqrt(off.drop / 2 / np.maximum((own - off.drop) / left, 1e-30))
     size = np.linalg.norm(off.size, axis=2)
     sigmas = np.sqrt(off.drop / off.variance())
-    p_value = off.p()
-    return tuple(sets.rows(one) for one in (p_value, apart, size, sigmas))  # type: ignore[return-value]
+    return tuple(sets.rows(one) for one in (off.p(), apart, size, sigmas))  # type: ignore[return-value]
 
 
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
@@ -436,8 +437,7 @@ def _finding(
 
 
 def _without_group(case: Case, group: str) -> Case:
-    rows = case.readings
-    return replace(case, readings=rows[rows["group"] != group])
+    return replace(case, readings=case.readings[case.readings["group"] != group])
 
 
 GROSS_FAULT = Fault("outlier", lambda asked: chain_gross(asked.case))
