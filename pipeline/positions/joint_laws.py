@@ -265,10 +265,11 @@ def _carried(
     new = (*found.mechanism.laws, law)
     more = tried(found, replace(found.wanted, laws=new))
     part = _of_law(more.mechanism, len(new) - 1)
-    if not judge.carries(more, part, law.once):
-        return found
-    more = data.identify(more.mechanism, more.wanted, more)
-    return more if helps(more, part) and judge.carries(more, part, law.once) else found
+    for step in (lambda one: one, data.again):
+        more = step(more)
+        if not (helps(more, part) and judge.carries(more, part, law.once)):
+            return found
+    return more
 
 
 def _better(
