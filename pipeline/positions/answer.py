@@ -421,7 +421,7 @@ def _instrument(found: Study) -> Iterator[str]:
     """When the instrument or a target moved, and what was made of it."""
     for one in found.moved:
         where = f"pose {one.pose} of series {one.series}" if one.series else f"pose {one.pose}"
-        shift, turn = (1e3 * float(np.linalg.norm(part)) for part in np.split(one.motion, 2))
+        shift, turn = 1e3 * one.shift_m, 1e3 * one.turn_rad
         yield (
             f"From {where} on target {one.target} stands {plain(shift, 2)} mm from where it was on "
             f"the effector ({p_value(one.p)}). Its readings since count as those of another target."

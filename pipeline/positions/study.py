@@ -78,6 +78,16 @@ class MovedSince(NamedTuple):
     motion: Array = np.zeros(6)
     std: Array = np.zeros(6)
 
+    @property
+    def shift_m(self) -> float:
+        """Length of the translation [m]."""
+        return float(np.linalg.norm(self.motion[:3]))
+
+    @property
+    def turn_rad(self) -> float:
+        """Angle of the rotation [rad]."""
+        return float(np.linalg.norm(self.motion[3:]))
+
 
 class BadReading(NamedTuple):
     """A reading that was left out: file and line, series, pose, target, deviation and p-value."""
