@@ -324,13 +324,8 @@ class UnloadedFacts(Locked):
 
     @property
     def unexplained(self) -> bool:
-        """Whether they deviate by more than any noise, and than joints usually err by.
-
-        Errors of the table within what is stated are not corrected (`corrects`), but explain the
-        positions where they certainly predict those of left-out poses better.
-        """
-        better = self.gain is not None and self.gain.ci95[0] > 0
-        left = min(self.left_m if better else self.remains_m, self.yields_m)
+        """Whether they deviate by more than any noise, and than joints usually err by."""
+        left = min(self.remains_m, self.yields_m)
         return bool(left > max(FAULTY * self.noise_m, _DOUBLE * self.usual_m))
 
     @property
@@ -360,7 +355,8 @@ class UnloadedFacts(Locked):
         Then the joint log or the whole table is wrong in an unlisted way. Also true where targets
         are far from their positions in [tool].
         """
-        return max(self.left_m if self.causes else self.miss_m, self.tool_m) >= GROSS_DISTANCE_M
+        left = self.left_m if self.causes else self.miss_m
+        return max(left, self.tool_m) >= GROSS_DISTANCE_M
 
     @property
     def corrects(self) -> bool:

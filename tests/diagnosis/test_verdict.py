@@ -148,21 +148,6 @@ GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
 APART = SpringAgreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
 
-
-@pytest.mark.parametrize(
-    ("left_m", "sure", "unexplained"),
-    [(3e-5, True, False), (3e-5, False, True), (9e-4, True, True)],
-)
-def test_what_errors_within_their_stated_size_explain_is_explained(left_m, sure, unexplained):
-    """They predict left-out poses; the table is no rougher than stated, and is not corrected."""
-    found = UnloadedFacts(
-        1e-3, left_m, {}, gain=gain(0.9, 0.8 if sure else -0.1), noise_m=3e-5, usual_m=3e-4
-    )
-
-    assert not found.corrects
-    assert found.unexplained is unexplained
-
-
 ROWS = {
     Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
     Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
