@@ -293,7 +293,8 @@ class UnloadedFacts(Locked):
         rough: Whether the table is off by significantly more than stated.
         tool_m: Largest distance of a target from its position in [tool] [m].
         noise_m: Noise of their readings, rms [m].
-        usual_m: The same with what the joints of a robot usually err by at a pose.
+        usual_m: The same with what the joints of a robot usually err by at a pose, and their zeros
+            as stated.
         down: Direction of gravity along an axis of F_b with which the arm's weight explains them,
             as opposed to the stated one, and what is then left of the deviation, rms [m]; else
             None.
@@ -355,8 +356,7 @@ class UnloadedFacts(Locked):
         Then the joint log or the whole table is wrong in an unlisted way. Also true where targets
         are far from their positions in [tool].
         """
-        left = self.left_m if self.causes else self.miss_m
-        return max(left, self.tool_m) >= GROSS_DISTANCE_M
+        return max(self.left_m if self.causes else self.miss_m, self.tool_m) >= GROSS_DISTANCE_M
 
     @property
     def corrects(self) -> bool:

@@ -132,6 +132,7 @@ def from_unloaded(
         search = _weighed(search, effects, known)
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
+    stated = np.sum((rows.Z * (zeros.joint_std if zeros.joint_std.size else 0.0)) ** 2, axis=2)
     stood = UnloadedFacts(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
@@ -142,7 +143,7 @@ def from_unloaded(
         rough=found.p_exact() < alarms.GEOMETRY,
         tool_m=_moved_tool(zeros, found),
         noise_m=float(np.sqrt(np.mean(np.einsum("vii->vi", zeros.errors)))),
-        usual_m=float(np.sqrt(np.mean(np.einsum("pii->pi", rows.cov(1.0))[rows.place]))),
+        usual_m=float(np.sqrt(np.mean((np.einsum("pii->pi", rows.cov(1.0)) + stated)[rows.place]))),
     )
     asks = stood.unexplained and not found.free
     return replace(stood, down=_down(zeros, found)) if asks else stood

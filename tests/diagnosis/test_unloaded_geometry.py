@@ -77,6 +77,22 @@ def test_what_the_instrument_wanders_by_is_no_cause(off, causes, stood):
     assert from_unloaded(off.cell, off.reduced.data, 1.0, causes, moved / 2).causes == ()
 
 
+def test_zeros_may_err_by_what_is_stated_of_them(off, causes):
+    """By 0.3 mrad: as much as one joint moves the targets by, of all joints independently."""
+    none, sigma = np.zeros(off.case.robot.n), 3e-4
+    data = [replace(off.reduced.data, joint_std=std) for std in (none, none + sigma)]
+    plain, said = (from_unloaded(off.cell, one, 1.0, causes) for one in data)
+    pulls, points = off.reduced.data.pulls, off.cell.tool.points
+    q = pulls.q[np.unique(pulls.pose, return_index=True)[1]]
+    square = 0.0
+    for joint in range(off.case.robot.n):
+        at = [configure(off.case.robot, q + s * sigma * np.eye(len(q[0]))[joint]).points(points)
+              for s in (0.5, -0.5)]  # fmt: skip
+        square += np.mean((at[0] - at[1]) ** 2)
+
+    assert said.usual_m**2 - plain.usual_m**2 == pytest.approx(square, rel=0.02)
+
+
 def test_a_gain_that_is_none_is_not_believed(stood):
     """A cause that does not improve the prediction of left-out poses is not accepted."""
     gain = replace(stood.gain, reduction=-0.01)
