@@ -194,6 +194,11 @@ def _written(value: Decimal, section: _Section, signed: bool) -> str | None:
         before = before.strip(_MINUS + _BLANK)
     if section.thousands and behind.strip() in _NO_UNIT:
         return None
+    return _between(before, behind, value, section)
+
+
+def _between(before: str, behind: str, value: Decimal, section: _Section) -> str | None:
+    """A number as a section scales it, between its words; None if some are behind the point."""
     per_cent = sum(kind == "percent" for kind, _ in section.pieces)
     scale = 2 * per_cent - 3 * section.thousands
     text = _laid_out(value.scaleb(scale), section)

@@ -161,13 +161,16 @@ def read(
         table = _grouped(_counting(table, hints))
         _all_or_none(header)
         found = covariances(table, header, hints, meaning.unit)
-    unused = [
-        f.title for f in fields.values() if f.kind == "any" and f.title not in {"", *sorted_by}
-    ]
+    unused = _unread(fields.values(), sorted_by)
     readings = export(text, hints, dialect, table, meaning, axes.roles, found, unused)
     again = _again(text, header, readings.rejected)
     early = above(text, header.line, header.delimiter, axes.places)
     return replace(readings, rejected=(*early, *again), untimed=untimed)
+
+
+def _unread(fields: Iterable[Field], sorted_by: Iterable[str]) -> list[str]:
+    """Titles of the columns that are not read, and by which no rows are told apart."""
+    return [one.title for one in fields if one.kind == "any" and one.title not in {"", *sorted_by}]
 
 
 def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field]:

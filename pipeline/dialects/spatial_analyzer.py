@@ -214,17 +214,19 @@ def _fields(shape: _RowShape, stated: _Statement) -> tuple[Field, ...]:
         Field(axis, "number", units=angle if k in turning else {}) for k, axis in enumerate(_AXES)
     ]
     for place, column in enumerate(shape.rest):
-        kind: Kind = "any"
-        if column.role == "time":
-            kind = "time"
-        elif column.role.startswith(("std ", "u95 ")) or column.role == "rms":
-            kind = "number"
-        elif not column.title:
-            kind = "blank"
-        out.append(
-            Field(column.role if kind in ("time", "number") else f"rest {place}", kind, False)
-        )
+        kind = _kind(column)
+        role = column.role if kind in ("time", "number") else f"rest {place}"
+        out.append(Field(role, kind, False))
     return tuple(out)
+
+
+def _kind(column: Named) -> Kind:
+    """What the cells of a further column are; those without a role are not read."""
+    if column.role == "time":
+        return "time"
+    if column.role.startswith(("std ", "u95 ")) or column.role == "rms":
+        return "number"
+    return "any" if column.title else "blank"
 
 
 @dataclass(frozen=True)
@@ -243,16 +245,11 @@ class _Statement:
 
 
 def _stated(comments: Sequence[str], hints: ExportSettings, line: int) -> _Statement:
-    """Meaning of the numbers according to the header.
-
-    Short units count only after `units` or in brackets.
-    """
+    """Meaning of the numbers according to the header."""
     head = [comment for comment in comments if is_remark(comment, _COMMENT)]
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))
     words = {*_named.WORD.findall(text.lower())}
-    long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
-    short = {one["said"] or one["below"] for one in _SHORT_UNIT.finditer(text)}
-    unit = _only(_said(words, long) | set(map(str.lower, short)), "units of length")
+    unit = _only(_units(text, words), "units of length")
     kinds = _said(words, KIND_WORDS) | _kinds_by_titles(head)
     stated = _only(kinds, "kinds of coordinates")
     if stated is None and hints.coordinates is None:
@@ -266,6 +263,13 @@ def _stated(comments: Sequence[str], hints: ExportSettings, line: int) -> _State
     zeros = words & {"zenith", "elevation"} if kind == "spherical" else set()
     angles = Angles(angle, _only(zeros, "vertical angles"), "counter-clockwise")
     return _Statement(Meaning(unit, kind), angles, hints.angle or angle)
+
+
+def _units(text: str, words: set[str]) -> set[str]:
+    """Units of length that a text states; short ones count only after `units` or in brackets."""
+    long = {word: unit for word, unit in UNIT_WORDS.items() if len(word) > 2}
+    short = {one["said"] or one["below"] for one in _SHORT_UNIT.finditer(text)}
+    return _said(words, long) | set(map(str.lower, short))
 
 
 def _said(words: set[str], known: Mapping[str, _T]) -> set[_T]:

@@ -172,16 +172,22 @@ def _without_stated_units(rows: list[list[Any]]) -> list[list[Any]]:
     """The rows with no unit from a number format where a title in the column says the same."""
     texts = [(row, k, one) for row in rows for k, one in enumerate(row) if isinstance(one, str)]
     formed = [one for one in texts if one[2].startswith(_OF_FORMAT)]
-    stated: dict[int, set[str]] = {k: set() for _, k, _ in formed}
-    for _, k, title in texts if formed else ():
-        found = None if title.startswith(_OF_FORMAT) else _STATED.search(title)
-        if found and k in stated:
-            stated[k] |= {found[1], found[1].replace("deg", "°")}
+    stated = _units_of_titles(texts) if formed else {}
     for row, k, number in formed:
         found = _WITH_UNIT.fullmatch(number)
-        if found and found[2] in stated[k]:
+        if found and found[2] in stated.get(k, ()):
             row[k] = found[1]
     return rows
+
+
+def _units_of_titles(texts: Iterable[tuple[list[Any], int, str]]) -> dict[int, set[str]]:
+    """Units at the end of the titles of each column."""
+    stated: dict[int, set[str]] = {}
+    for _, k, title in texts:
+        found = None if title.startswith(_OF_FORMAT) else _STATED.search(title)
+        if found:
+            stated.setdefault(k, set()).update({found[1], found[1].replace("deg", "°")})
+    return stated
 
 
 _OF_FORMAT = "\ue001"

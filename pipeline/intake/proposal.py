@@ -386,10 +386,15 @@ def _stated_angle_units(
     turns = {k for k in angular if any(map(is_turn, table.content[k].cells))}
     packed = any(_PACKED.search(table.sheet.titles[k]) for k in {*angular} - turns)
     if turns or packed:
-        shown = {"deg"} if turns else set()
-        return units - ({"deg"} if packed else set()) | shown | ({PACKED} if packed else set())
+        return _shown_units(units, bool(turns), packed)
     doubtful = hints.angle is None and units == {"deg"} and seem_packed(table.numbers(angular))
     return frozenset() if doubtful else units
+
+
+def _shown_units(units: frozenset[str], turns: bool, packed: bool) -> frozenset[str]:
+    """Units with those that cells in degrees and minutes, or packed ones, show."""
+    units = units - {"deg"} | {PACKED} if packed else units
+    return units | {"deg"} if turns else units
 
 
 def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
