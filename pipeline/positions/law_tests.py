@@ -188,9 +188,13 @@ def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
 
 
 def _shortest(q: Array) -> float:
-    """Highest order that the values of a joint can resolve: two values per period."""
+    """Highest order that the values of a joint can resolve: two values per period.
+
+    Of unequal distances the median counts: half of the neighbouring values are nearer, and a grid
+    of poses has equal ones.
+    """
     values = np.unique(np.round(q, 3))
-    return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
+    return np.pi / float(np.median(np.diff(values))) if len(values) > 1 else 0.0
 
 
 def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLaw]:
