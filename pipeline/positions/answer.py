@@ -571,7 +571,7 @@ def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
     """What of the catalogue acts, zeros that changed, and the largest law outside of it."""
     known, laws = (_those(causes, law) for law in (False, True))
     zeros = _changed_zeros(known)
-    if known := [one for one in known if one not in zeros]:
+    if known := [one for one in known if not one.effect.since]:  # moves are told by themselves
         those = listed([one.effect.called for one in known])
         yield f"Besides the joint springs, {those} {'act' if len(known) > 1 else 'acts'}."
     for one in zeros:

@@ -1,13 +1,16 @@
 """What a law of a joint's positions is called: a zero that changed, a wave, a curve."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pipeline.machine.robot import load
-from pipeline.positions.answer import _named
-from pipeline.positions.facts import _cause
+from pipeline.positions.answer import _instrument, _named
+from pipeline.positions.facts import _cause, _since
 from pipeline.positions.joint_laws import NamedLaw
 from pipeline.positions.laws import Inputs, JointLaw
+from pipeline.positions.study import MovedSince
 
 STEP = JointLaw(4, "step", "time", None, 0.0, middle=1.5)
 
@@ -28,6 +31,15 @@ def test_a_step_in_time_is_a_zero_that_changed(series, form):
     assert found.amplitudes[0].value == -1.5e-3
     (said,) = _named([found])
     assert said.startswith(f"Zero that changed at pose {form} in joint 4 (wrist_1_joint), -1.5")
+
+
+def test_what_moved_is_told_once():
+    """By the sentence that says from which pose on and how far, not among what acts."""
+    one = MovedSince("", 71, "B", 1e-12, np.array([0.0, 3e-4, 2e-4, 0, 0, 0]), np.full(6, 2e-6))
+
+    assert not [*_named([_since(one)])]
+    (said,) = _instrument(SimpleNamespace(moved=(one,)))
+    assert said.startswith("From pose 71 on target B stands 0.36 mm from where it was")
 
 
 @pytest.mark.parametrize(
