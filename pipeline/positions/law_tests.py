@@ -31,8 +31,8 @@ from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 
 _ORDERS = np.arange(0.5, 300.01, 0.25)
-"""Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
-teeth."""
+"""Periods per turn that are tried [1]: eccentric wheels have one, and a motor makes some 300 turns
+at most per turn of its joint, an estimate for heavy robots."""
 
 NEAR = np.linspace(-0.5, 0.5, 81)
 """Orders tried about the one found by the search [1], periods per turn."""

@@ -451,12 +451,13 @@ def _moves(found: Calibration, since: dict[str, MovedSince]) -> Iterator[MovedSi
             else (readings.names, there.frames, where.frames.start)
         )
         k = names.tolist().index(name)
-        motion = np.linalg.inv(frames[k - 1]) @ frames[k]
-        turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
+        was, now = frames[k - 1, :3], frames[k, :3]
+        shift = was[:, :3].T @ (now[:, 3] - was[:, 3])
+        turn = Rotation.from_matrix(was[:, :3].T @ now[:, :3]).as_rotvec()
         both = np.eye(len(found.cov))[start + 6 * k + np.r_[3:6, :3]]
         both -= np.roll(both, -6, axis=1)
         std = np.sqrt(np.diag(both @ found.cov @ both.T))
-        yield one._replace(motion=np.append(motion[:3, 3], turn), std=std)
+        yield one._replace(motion=np.append(shift, turn), std=std)
 
 
 # --- blunders -------------------------------------------------------------------------------------
