@@ -95,6 +95,7 @@ class LeftOutPoses:
         self._parts = parts
         self._rng = rng
         self._made: tuple[Calibration | None, dict[Partition, tuple[LeftOut, Array]]] = (None, {})
+        self._beside: tuple[Calibration | None, dict[Partition, Array]] = (None, {})
 
     def _far(self, once: bool = False) -> Partition:
         """Whole series, which what happened once cannot predict, or parts of joint space.
@@ -118,13 +119,16 @@ class LeftOutPoses:
         near, far = (self._gain(found, one, part) for one in (Partition.BETWEEN, self._far(once)))
         return near, far
 
-    def carries(self, found: Calibration, part: slice, once: bool = False) -> bool:
+    def carries(
+        self, found: Calibration, part: slice, before: Calibration, once: bool = False
+    ) -> bool:
         """Whether both errors certainly fall, each over its standard uncertainty.
 
-        In metres, a few poses that the others hardly determine would decide alone.
+        In metres, a few poses that the others hardly determine would decide alone. The uncertainty
+        is that of the estimate before, which many trials share, and of the parameters.
         """
         ways = Partition.BETWEEN, self._far(once)
-        return all(self._gain(found, one, part, weighed=True).sure for one in ways)
+        return all(self._gain(found, one, part, before).sure for one in ways)
 
     def as_good(self, one: Calibration, other: Calibration) -> bool:
         """Whether the first predicts held-out poses as well as the second, within chance.
@@ -148,7 +152,7 @@ class LeftOutPoses:
         found: Calibration,
         parting: Partition,
         without: slice | Ints,
-        weighed: bool = False,
+        beside: Calibration | None = None,
     ) -> LeftOutGain:
         if self._made[0] is not found:
             self._made = found, {}
@@ -157,9 +161,21 @@ class LeftOutPoses:
             parts = LeftOut(found, self._parts[parting])
             known[parting] = parts, _positions(found, parts.errors())
         parts, with_it = known[parting]
-        std = _positions(found, parts.std) if weighed else None
+        std = None
+        if beside is not None:
+            var = self._var(beside, parting) + _positions(found, parts.var_by(without))
+            std = np.sqrt(var)
         before = _positions(found, parts.errors(without))
         return self._compared(found.readings, before, with_it, std)
+
+    def _var(self, found: Calibration, parting: Partition) -> Array:
+        """Variance of left-out positions about an estimate that several are compared with, (k,)."""
+        if self._beside[0] is not found:
+            self._beside = found, {}
+        known = self._beside[1]
+        if parting not in known:
+            known[parting] = _positions(found, LeftOut(found, self._parts[parting]).std) ** 2
+        return known[parting]
 
     def _compared(
         self, readings: PositionReadings, before: Array, after: Array, std: Array | None = None

@@ -222,16 +222,21 @@ class ReadRows(Locked):
 
     def variance(self, found: Posterior) -> Array:
         """X cov X' of each pose, shape (m, r, r), cov = R R' + C_k of the estimate."""
-        dense = self.D.shape[2]
-        half = by_upper(self.D.reshape(-1, dense), found.root[:dense])
-        if self.knots:
-            half += self._sparse @ found.root[dense:]
-        half = half.reshape(*self.y.shape, -1)
+        half = self.by_root(found.root)
         out = half.copy() @ np.swapaxes(half, 1, 2)  # of one array, numpy takes a slower way
         if self.knots:
             own = found.knots[self.at[:, :, None], self.at[:, None, :]]
             out += self.K @ own @ np.swapaxes(self.K, 1, 2)
         return np.asarray(out)
+
+    def by_root(self, root: Array) -> Array:
+        """X R of each pose, (m, r, k), R (size, k) zero below the diagonal of its k columns."""
+        dense = self.D.shape[2]
+        half = by_upper(self.D.reshape(-1, dense), root[:dense])
+        if self.knots:
+            some = dense if root.shape[1] > dense else 0
+            half[:, some:] += self._sparse @ root[dense:, some:]
+        return half.reshape(*self.y.shape, -1)
 
 
 def by_upper(X: Array, R: Array) -> Array:

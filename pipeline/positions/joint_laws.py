@@ -267,7 +267,7 @@ def _carried(
     part = _of_law(more.mechanism, len(new) - 1)
     for step in (lambda one: one, data.again):
         more = step(more)
-        if not (helps(more, part) and judge.carries(more, part, law.once)):
+        if not (helps(more, part) and judge.carries(more, part, found, law.once)):
             return found
     return more
 

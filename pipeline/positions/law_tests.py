@@ -22,15 +22,19 @@ from scipy import optimize, sparse, special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.positions import random_curve
+from pipeline.positions import law_sums, random_curve
 from pipeline.positions.calibrate import Calibration
 from pipeline.positions.estimate import ReadRows
+from pipeline.positions.law_sums import LawSums
 from pipeline.positions.laws import Inputs, JointLaw, LawVariable
 from pipeline.positions.mechanism import frame_of, layout
 from pipeline.positions.readings import PositionReadings
 from pipeline.system import alarms
 
-_ORDERS = np.arange(0.5, 300.01, 0.25)
+_STEP = 0.25
+"""Distance of the orders that are tried [1]."""
+
+_ORDERS = np.arange(0.5, 300.01, _STEP)
 """Periods per turn that are tried [1]: eccentric wheels have one, and a motor makes some 300 turns
 at most per turn of its joint, an estimate for heavy robots."""
 
@@ -83,9 +87,9 @@ class _LawScore(Locked):
         """z_j' e of whitened residuals (m, r), shape (1, m)."""
         return np.einsum("mr,mr->m", self.Z[..., joint], left)[None]
 
-    def products(self, g: Array, joint: int) -> Array:
-        """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
-        return np.vstack([self.P[joint].T @ g, self.Q[joint].T @ g])
+    def products(self, g: LawSums, joint: int) -> Array:
+        """X' z_j g of functions g: their products with all that is estimated, (K, l k)."""
+        return np.vstack([g.of(self.P[joint]).T, g.of(self.Q[joint]).T])
 
 
 def score(found: Calibration, signs: Array, copied: Array | None = None) -> _LawScore:
@@ -282,55 +286,58 @@ class _JointLaws(Locked):
 
     Attributes:
         laws: The l laws.
-        joint: Their joint, from 0.
-        g: Their functions at the poses, shape (m, l k).
+        inputs: Variables of the laws at the poses.
+        g: Sums with their functions.
         shared: Products of their columns with all that is estimated, shape (K, l k).
         inverse: Covariance of each law's amplitudes in addition to these, shape (l, k, k).
     """
 
     laws: tuple[JointLaw, ...]
-    joint: int
-    g: Array
+    inputs: Inputs
+    g: LawSums
     shared: Array
     inverse: Array
 
+    @property
+    def joint(self) -> int:
+        """Their joint, from 0."""
+        return self.laws[0].joint - 1
+
     @classmethod
     def of(cls, here: _LawScore, laws: Sequence[JointLaw], inputs: Inputs) -> _JointLaws:
-        joint, k = laws[0].joint - 1, laws[0].amplitudes
-        g = np.concatenate([law.basis(inputs) for law in laws], axis=1)
+        joint, g = laws[0].joint - 1, law_sums.sums(laws, inputs, _STEP)
         shared = here.products(g, joint)
-        known = here.cov @ shared
-        whole, info = np.empty((len(laws), k)), np.empty((len(laws), k, k))
-        for a in range(k):
-            for b in range(k):
-                own = (g[:, a::k] * g[:, b::k]).T @ here.w[:, joint]
-                info[:, a, b] = own - np.einsum("dk,dk->k", shared[:, a::k], known[:, b::k])
-                if a == b:
-                    whole[:, a] = own
-        return cls(tuple(laws), joint, g, shared, linear.left(info, np.maximum(whole, _NOTHING))[0])
+        x, y = (v.reshape(len(v), len(laws), -1) for v in (shared, here.cov @ shared))
+        own = g.weighed(here.w[:, joint])
+        info = own - np.einsum("dla,dlb->lab", x, y)
+        whole = np.einsum("lkk->lk", own)
+        inverse = linear.left(info, np.maximum(whole, _NOTHING))[0]
+        return cls(tuple(laws), inputs, g, shared, inverse)
 
     def _score(self, u: Array) -> Array:
-        return (u @ self.g).T.reshape(*self.inverse.shape[:2], -1)
+        return self.g.of(u.T).reshape(*self.inverse.shape[:2], -1)
 
     def explained(self, u: Array) -> Array:
         """T of each law for projected residuals u of the joint (s, m), shape (l, s)."""
         num = self._score(u)
-        return np.asarray(np.einsum("lks,lkj,ljs->ls", num, self.inverse, num))
+        return np.asarray(np.einsum("lks,lks->ls", num, self.inverse @ num))
 
     def without(self, here: _LawScore, left: Array, which: int) -> Array:
         """Whitened residuals (m, r) after an estimate with one of the laws."""
         k = self.inverse.shape[1]
         size = self.inverse[which] @ self._score(here.projected(left, self.joint))[which, :, 0]
         own = slice(k * which, k * which + k)
-        moved = here.Z[..., self.joint] * (self.g[:, own] @ size)[:, None]
+        f = self.laws[which].basis(self.inputs) @ size
+        moved = here.Z[..., self.joint] * f[:, None]
         return left - moved + here.rows.along(here.cov @ (self.shared[:, own] @ size))
 
 
 def _of_joints(here: _LawScore, laws: Iterable[JointLaw], inputs: Inputs) -> list[_JointLaws]:
-    """Laws by joint, number of amplitudes and family."""
-    kinds: dict[tuple[int, int, bool], list[JointLaw]] = {}
+    """Laws by joint, number of amplitudes, kind and family."""
+    kinds: dict[tuple[int, int, str, bool], list[JointLaw]] = {}
     for law in laws:
-        kinds.setdefault((law.joint, law.amplitudes, is_of_output(law)), []).append(law)
+        kind = law.joint, law.amplitudes, law.kind, is_of_output(law)
+        kinds.setdefault(kind, []).append(law)
     return [_JointLaws.of(here, kinds[kind], inputs) for kind in sorted(kinds)]
 
 

@@ -15,14 +15,7 @@ from scipy.spatial import cKDTree
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.positions.calibrate import Calibration
-from pipeline.positions.estimate import (
-    FIXED_SIGMA,
-    Posterior,
-    ReadRows,
-    factored,
-    padded,
-    precision,
-)
+from pipeline.positions.estimate import FIXED_SIGMA, ReadRows, factored, padded, precision
 from pipeline.positions.mechanism import frame_of
 from pipeline.positions.readings import PositionReadings
 
@@ -84,12 +77,25 @@ class LeftOut:
 
         V = L (1 + X C X') L', with C the covariance of the estimate without the part.
         """
-        out = np.zeros(self._found.linear.y.shape)
+        out = np.empty(self._found.linear.y.shape)
         for one in self._parts:
-            own, none = one.own, np.zeros((one.own.knots, one.own.knots))
-            held = own.variance(Posterior(one.x, one.known.root, none, 0.0))
-            var = np.einsum("mij,mjk,mik->mi", own.L, np.eye(held.shape[1]) + held, own.L)
+            half = one.own.L @ one.own.by_root(one.known.root)
+            var = np.sum(one.own.L**2, axis=2) + np.einsum("mrk,mrk->mr", half, half)
             out[one.mine] = self._found.linear.spread(np.sqrt(var))
+        return out
+
+    def var_by(self, held: slice | Ints) -> Array:
+        """Variance of each left-out reading by the parameters in `held`, (m, 6 t), F_b.
+
+        It is what `std` squared loses where they are known: L X C E (E' C E)^-1 E' C X' L', with E
+        their unit columns.
+        """
+        out = np.empty(self._found.linear.y.shape)
+        for one in self._parts:
+            moves = one.moves(held)
+            along = moves @ linear.cholesky(moves[held]).root
+            half = one.own.L @ np.stack([one.own.along(x) for x in along.T], axis=2)
+            out[one.mine] = self._found.linear.spread(np.einsum("mrk,mrk->mr", half, half))
         return out
 
 
@@ -119,9 +125,12 @@ class _Without(Locked):
         x - C E (E' C E)^-1 E' (x - x0), where C is the covariance and E the unit columns of those
         held.
         """
-        at = np.arange(len(self.x))[held]
-        moves = self.known.solve((np.arange(len(self.x))[:, None] == at).astype(float))
-        return self.x - moves @ linear.solve(moves[at], (self.x - self.mean)[at])
+        moves = self.moves(held)
+        return self.x - moves @ linear.solve(moves[held], (self.x - self.mean)[held])
+
+    def moves(self, held: slice | Ints) -> Array:
+        """C E, the covariance of all parameters with those in `held`, shape (size, h)."""
+        return self.known.solve(np.eye(len(self.x))[:, held])
 
 
 def _without(found: Calibration, mine: Bools) -> _Without:

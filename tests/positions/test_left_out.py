@@ -1,5 +1,6 @@
 """Left-out poses are predicted as by an estimate repeated from all others."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,7 +12,7 @@ from pipeline.positions import calibrate as estimates
 from pipeline.positions import cross_validation
 from pipeline.positions.calibrate import ModelStructure, calibrate, tried
 from pipeline.positions.cross_validation import LeftOutPoses, Partition
-from pipeline.positions.estimate import precision
+from pipeline.positions.estimate import FIXED_SIGMA, precision
 from pipeline.positions.initial import begin
 from pipeline.positions.laws import JointLaw
 from pipeline.positions.left_out import LeftOut, by_turns, errors
@@ -93,6 +94,22 @@ def test_left_out_readings_are_as_uncertain_as_by_the_others(found):
         assert said[mine] ** 2 == pytest.approx(np.einsum("mii->mi", V), rel=1e-5)
 
 
+def test_a_law_adds_its_part_to_the_uncertainty_of_left_out_readings(found):
+    """Where the law is known, its part is gone: by an estimate with it held at zero."""
+    part, law = by_turns(found.readings, 4), layout(found.mechanism).laws
+
+    def priors(rad):
+        std = found.known.std.copy()
+        std[law] = rad
+        return LeftOut(replace(found, known=replace(found.known, std=std)), part)
+
+    wide, held = priors(1e-3), priors(FIXED_SIGMA)
+
+    added = wide.var_by(law)
+    assert added.max() > 0.1 * (held.std**2).mean()
+    assert added == pytest.approx(wide.std**2 - held.std**2, rel=1e-6, abs=1e-15)
+
+
 class Predicted:
     """Left-out errors that fall by a tenth, but grow at the six poses that are hardly known."""
 
@@ -101,6 +118,10 @@ class Predicted:
     def __init__(self, found, part):
         self.better = found.better
         self.std = np.where(self.far, 3e-3, 1e-5)[:, None] * np.ones(6)
+
+    def var_by(self, held):
+        """Of a law that is known."""
+        return np.zeros((60, 6))
 
     def errors(self, without=None):
         """Errors with a law, or without it (m, 6)."""
@@ -118,8 +139,8 @@ def test_poses_that_are_hardly_known_do_not_decide_on_a_law(monkeypatch):
     parts = dict.fromkeys((Partition.BETWEEN, Partition.SPACE), by_turns(readings))
     judge = LeftOutPoses(parts, np.random.default_rng(4))
 
-    assert judge.carries(with_it, slice(0, 2))
-    assert not judge.carries(without, slice(0, 2))
+    assert judge.carries(with_it, slice(0, 2), without)
+    assert not judge.carries(without, slice(0, 2), without)
     assert judge.as_good(with_it, without)
     assert not judge.as_good(without, with_it)
 
