@@ -343,8 +343,7 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
 def _informations(hypotheses: Sequence[Hypothesis]) -> Array:
     """Information on the compliances in typical magnitudes by each hypothesis, shape (h, n, n)."""
     n = _springs(hypotheses[0])
-    each = [combinations.information(one.system, n, one.ratio) for one in hypotheses]
-    return np.stack(each)
+    return np.stack([combinations.information(one.system, n, one.ratio) for one in hypotheses])
 
 
 def information(hypotheses: Sequence[Hypothesis]) -> Array:

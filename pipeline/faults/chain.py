@@ -53,6 +53,10 @@ _YIELDS_M = 0.01
 """Motion of the load point between two pulls of a pose that no robot exceeds [m]: if both ends of
 the chain moved farther, it was pulled towards another anchor."""
 
+_STANDS = 0.25
+"""Motion of a far end that stands, over that of the near one, along the chain [1]: it is none, and
+that of a chain which follows is as large."""
+
 _APART = 5.0
 """Minimum ratio of an outlying direction to the residuals of the other pulls of its pose [1]."""
 
@@ -95,6 +99,25 @@ class _Chain(Locked):
             number = connected_components(~_towards_another(self.ends[here]))[1]
             out[here] = number + out.max(initial=0) + 1
         return out
+
+    @cached_property
+    def stands(self) -> Bools:
+        """Whether the far end stands in the hall in both pulls of a set, the near one yields, (m,).
+
+        It is fixed elsewhere along the chain then, and two pulls show no course of their length.
+        """
+        out, away = np.zeros(len(self.pose), dtype=bool), _length(self)
+        away = np.abs(away - np.median(away))
+        for one in np.flatnonzero(np.bincount(self.towards) == 2):
+            here = self.towards == one
+            near, far = np.abs(np.diff(self.ends[here], axis=0)[0] @ _along(self.ends[here])[0])
+            out |= here & (far < _STANDS * near) & (away[here].min() > _SHORT_M)
+        return out
+
+
+def _along(ends: Array) -> Array:
+    """Unit vectors from the near ends to the far ones, (n, 2, 3) -> (n, 3)."""
+    return linear.normed(ends[:, 1] - ends[:, 0])
 
 
 def _towards_another(ends: Array) -> Bools:
@@ -161,8 +184,7 @@ def chain_outlier(case: Case, unknown: frozenset[tuple[int, int]] = frozenset())
         told = _told_direction(away.size, away.sigmas)
     else:
         return []
-    end = _end(chain, off.pull)
-    return [_finding(case, chain, off, told, end)]
+    return [_finding(case, chain, off, told, _end(chain, off.pull))]
 
 
 def _rarer(one: _Off, other: _Off) -> bool:
@@ -203,7 +225,7 @@ def chain_gross(case: Case) -> list[Mistake]:
     if len(chain.group) < _FEWEST:
         return []
     lengths = unlike(case).reindex(chain.group)
-    away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool)
+    away, gross = lengths["away"].to_numpy(float), lengths["gross"].to_numpy(bool) & ~chain.stands
     if not gross.any():
         return []
     best = int(np.argmax(np.where(gross, away, 0.0)))
@@ -228,7 +250,7 @@ def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Cha
     loads = case.loads.drop_duplicates(["pose", "repeat"]).set_index(["pose", "repeat"])["force_n"]
     loads = loads[[key not in unknown for key in loads.index]]
     key = pd.MultiIndex.from_frame(ends[0][["pose", "repeat"]].astype("int64"))
-    u = linear.normed(at[:, 1] - at[:, 0])
+    u = _along(at)
     C = covariance.matrices(ends[0]) + covariance.matrices(ends[1])
     std = np.sqrt(np.einsum("mi,mij,mj->m", u, C, u))
     stated = bool(np.isfinite(std).all())
@@ -274,14 +296,14 @@ def _length(chain: _Chain) -> Array:
 def _distance(chain: _Chain) -> _Off | None:
     """The outlier by distance of the ends, which is constant except for the stretch of the chain.
 
-    Of the pulls with a force whose far end is no anchor.
+    Of the pulls with a force whose far end is no anchor and stands nowhere.
 
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
     uncertainty; one a and one b for all pulls or, if F tests call for it, one a for each pose and
     anchor, and one b: a far end that is fixed in the hall does not follow the robot as it yields.
     The p-value of t is two-sided and multiplied by the number of pulls.
     """
-    at = np.flatnonzero(chain.free & np.isfinite(chain.force))
+    at = np.flatnonzero(chain.free & ~chain.stands & np.isfinite(chain.force))
     if len(at) < _FEWEST:
         return None
     y, std = _length(chain)[at], chain.std[at]
@@ -302,11 +324,8 @@ def _distance(chain: _Chain) -> _Off | None:
         if Base.of(law[kept], y[kept]).beside_all(wider[kept]).p() >= _HUNG:
             break
         off = _each(wider, y)
-    best = int(np.argmax(off.drop))
-    if off is not among_all:
-        level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
-        # of two in one pose, the one unlike all others
-        best = int(level[np.argmax(among_all.drop[level])])
+    level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
+    best = int(level[np.argmax(among_all.drop[level])])  # of two in one pose, the one unlike all
     variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
     size_m = float(np.abs(off.size[best, 0]) * std[best])
@@ -366,7 +385,7 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
         P-values, size over the residuals of the other pulls of the set, size [rad], size in
             standard deviations, all (n,).
     """
-    u = linear.normed((chain.ends[:, 1] - chain.ends[:, 0])[pulls])
+    u = _along(chain.ends[pulls])
     sets = Blocks.of(chain.towards[pulls])
     mean = sets.padded(u).sum(axis=1)
     across = linear.principal(mean[:, None])[2][:, 1:]
@@ -403,15 +422,9 @@ def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
         return None
-    X = np.column_stack([np.ones(len(same)), chain.force])
-    near, far = (_unlike(X, chain.ends[:, k], others, pull) for k in (0, 1))
-    return near, far
-
-
-def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
-    """Distance of a reading from the straight course of the others [m]."""
-    course = linear.least_squares(X[others], at[others])
-    return float(np.linalg.norm(at[pull] - X[pull] @ course))
+    X, at = np.column_stack([np.ones(len(same)), chain.force]), chain.ends.reshape(-1, 6)
+    off = at[pull] - X[pull] @ linear.least_squares(X[others], at[others])  # from a straight course
+    return float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))
 
 
 def _finding(

@@ -214,8 +214,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
 
 def ordered(moved: PullMoves, order: Ints) -> OrderFit:
     """The fit with logged force `order[i]` in pull i."""
-    x = moved.solved(moved.force[order])
-    return _beside(moved, x, order)
+    return _beside(moved, moved.solved(moved.force[order]), order)
 
 
 def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:

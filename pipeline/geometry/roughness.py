@@ -293,8 +293,7 @@ def _over(
 def _widths(nodes: Array) -> Array:
     """Width of each node on the logarithmic axis, by the trapezoidal rule."""
     along = np.log(nodes)
-    edges = np.concatenate([along[:1], 0.5 * (along[1:] + along[:-1]), along[-1:]])
-    return np.diff(edges)
+    return np.diff(np.concatenate([along[:1], 0.5 * (along[1:] + along[:-1]), along[-1:]]))
 
 
 def _finer(found: ScaleGrid, nodes: _Nodes) -> _Nodes:
@@ -393,8 +392,7 @@ def left_out(found: ScaleGrid, rows: PoseRows) -> Array:
     X = W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - X @ found.x[cell]
     rest = np.eye(X.shape[1]) - X @ found.cov[cell] @ np.swapaxes(X, 1, 2)
-    missed = linear.solve(W, linear.solve(rest, e))
-    return np.asarray(missed[rows.place])
+    return np.asarray(linear.solve(W, linear.solve(rest, e))[rows.place])
 
 
 def same(

@@ -144,6 +144,26 @@ def test_a_chain_may_be_hung_differently_towards_another_anchor(nearer_m):
         assert found.where.startswith("pose02_rep1_loaded")
 
 
+@pytest.mark.parametrize("nearer_m", [0.1, 0.024, 3e-3])
+def test_a_far_end_that_stands_in_both_pulls_of_a_pose_is_no_bad_reading(nearer_m):
+    """Two pulls show no course of a length; one that is bad in one of them is still named."""
+    for seed in range(3):
+        given = read(np.random.default_rng(seed), steps=(1500.0, 3000.0), gives=2.0)
+        rows = given.readings.set_index(["group", "target"])[XYZ]
+        near, first, second = (
+            rows.loc[f"pose04_rep{k}_loaded", end].to_numpy(float)
+            for k, end in ((1, "Pl1"), (1, "Pl2"), (2, "Pl2"))
+        )
+        off = -nearer_m * _unit(first - near)
+        given = spoiled(given, "pose04_rep1_loaded", "Pl2", off)
+        given = spoiled(given, "pose04_rep2_loaded", "Pl2", first + off - second)
+
+        assert not chain_gross(given)
+        assert not chain_outlier(given)
+        (found,) = chain_outlier(spoiled(given, "pose02_rep1_loaded", "Pl2", [3e-3, 2e-3, -2e-3]))
+        assert found.where.startswith("pose02_rep1_loaded")
+
+
 @pytest.mark.parametrize(("along", "off_m"), [(1.0, 1.2e-4), (0.0, 2e-4)])
 def test_what_turns_no_force_by_more_than_a_scale_scatters_is_not_named(along, off_m):
     """However certain it is: by a tracker of 2 micrometres, an end is off by 60 to 100 of them."""

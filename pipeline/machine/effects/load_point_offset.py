@@ -31,8 +31,7 @@ def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
 
 def _points(loaded: Loaded, values: Array) -> Array:
     """True positions of the targets."""
-    shift = loaded.configuration.flange_axes @ values
-    return np.asarray(loaded.points + shift[:, None])
+    return np.asarray(loaded.points + (loaded.configuration.flange_axes @ values)[:, None])
 
 
 def effects(robot: Robot) -> tuple[Effect, ...]:

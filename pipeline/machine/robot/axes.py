@@ -112,8 +112,7 @@ def _unlike(name: str, number: int) -> str | None:
 
 def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
     """Joint values [m] or [rad] rounded to `decimals` decimals of a log in m and degrees."""
-    logged = np.round(in_log_units(robot, q), decimals)
-    return from_log_units(robot, logged)
+    return from_log_units(robot, np.round(in_log_units(robot, q), decimals))
 
 
 def in_log_units(robot: Robot, q: Array) -> Array:
