@@ -127,8 +127,7 @@ def plain(value: float | None, significant: int = 3) -> str:
         return _at_place(value, _place_of(abs(value), significant))
     exact = Decimal(repr(float(value)))
     power = Decimal(f"{exact:.{significant - 1}e}").adjusted()  # 9.996 is 1.00 × 10
-    mantissa = _at_place(float(exact.scaleb(-power)), 1 - significant)
-    return f"{mantissa} × {_ten_to(power)}"
+    return f"{_at_place(float(exact.scaleb(-power)), 1 - significant)} × {_ten_to(power)}"
 
 
 def percent(ratio: float | None, significant: int = 2) -> str:

@@ -25,7 +25,7 @@ from pipeline.base.quantities import plain, with_std
 from pipeline.faults.exchanged_pulls import odd_forces
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.labels import anchors, unlike
-from pipeline.faults.mistake import Mistake, apart, of_group, outlying
+from pipeline.faults.mistake import Mistake, apart, as_read, of_group, outlying
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -240,9 +240,8 @@ def chain_gross(case: Case) -> list[Mistake]:
 
 def _read(case: Case, unknown: frozenset[tuple[int, int]] = frozenset()) -> _Chain:
     """The chain of a case as it was read, without the forces of some pulls, (pose, repeat)."""
-    rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
-    key = pd.MultiIndex.from_frame(rows[["pose", "repeat"]])
-    rows = rows[~key.isin([*case.anchors, *case.anchors_read])]
+    rows = as_read(case)
+    rows = rows[rows["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
     both = ends[0].index.intersection(ends[1].index)
     ends = [end.loc[both] for end in ends]

@@ -27,7 +27,7 @@ from pipeline.faults.assignment import (
 )
 from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, length, lines_of
+from pipeline.faults.mistake import Mistake, as_read, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.reflector_sets import GROSS_DISTANCE_M
 from pipeline.reduction.case import Case
@@ -289,9 +289,9 @@ def _of_groups(
     sets = [in_words(one, [str(laid.name[k]) for k in one.members]) for one in stands]
     first = several[0]
     alone = stands[0] if len(several) == 1 else None
-    here = case.readings[case.readings["group"].isin({*true, *true.values()})]
-    here = here[chain | here["target"].isin(case.settings.measured)]
-    at = lines_of(here)
+    here = as_read(case)
+    here = here[here["group"].isin({*true, *true.values()})]
+    at = lines_of(here[chain | here["target"].isin(case.settings.measured)])
     return exchange_mistake(
         first,
         where=stands[0].where([str(names[k]) for k in first.members]),

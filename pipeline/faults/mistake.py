@@ -179,6 +179,14 @@ def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:
     return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
 
 
+def as_read(case: Case) -> pd.DataFrame:
+    """Readings without the ends of chains that follow from anchors: they are in no file."""
+    rows = case.readings
+    pull = pd.MultiIndex.from_frame(rows[["pose", "repeat"]])
+    follows = pull.isin([*case.anchors, *case.anchors_read])
+    return rows[~(follows & rows["target"].isin(case.settings.naming.chain))]
+
+
 def left_out(case: Case, at: Collection[str]) -> Case:
     """The campaign without some of its readings, `file:line` each."""
     by_file: dict[str, list[int]] = {}

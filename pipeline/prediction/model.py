@@ -175,9 +175,8 @@ class IdentifiedModel(Locked):
 
         For a joint with one compliance per sign of its torque, that at the test pose.
         """
-        values, covs = zip(*map(self._springs, self.hypotheses), strict=True)
-        weights = [one.weight for one in self.hypotheses]
-        return average(weights, np.stack(values), np.stack(covs))
+        each = zip(*map(self._springs, self.hypotheses), strict=True)
+        return average([one.weight for one in self.hypotheses], *map(np.stack, each))
 
     def _springs(self, one: ModelHypothesis) -> tuple[Array, Array]:
         """Compliances and covariance of one hypothesis."""

@@ -5,6 +5,7 @@ from functools import cache, lru_cache
 
 import numpy as np
 import pytest
+from anchored_campaign import Anchored
 from small_case import asked
 
 from pipeline.faults import screen
@@ -561,3 +562,26 @@ def test_a_chain_that_is_turned_in_one_pull_exchanges_no_states(pose):
     turned = [[a, ends.get(b, b) if a == group else b, *c] for a, b, *c in rows]
     assert turned != rows
     assert exchanged_pulls(asked(case(written(files(3), "tracker.csv", head, turned)))) == []
+
+
+@pytest.mark.parametrize("other", ["pose07_rep2", "pose08_rep1"])
+def test_exchanged_groups_accuse_no_rows_of_the_loads_that_name_their_anchors(other):
+    """The ends of their chains follow from the anchors: they are read in no group."""
+    files = Anchored.of(12).files()
+    lines = files["tracker.csv"].decode().splitlines()
+    pair = [f"{other}_loaded", "pose02_rep2_loaded"]
+    here = [k for k, line in enumerate(lines) if line.split(",")[0] in pair]
+    turn = {pair[0]: pair[1], pair[1]: pair[0]}
+    for k in here:
+        group, rest = lines[k].split(",", 1)
+        lines[k] = f"{turn[group]},{rest}"
+    files["tracker.csv"] = "\n".join(lines).encode()
+    case = ingested(in_memory(files), plausible=False)
+
+    (found,) = exchanged(case)
+
+    assert sorted(found.at) == sorted(f"tracker.csv:{k + 1}" for k in here)
+    right = found.correct(case).readings
+    chain = right[right["target"].isin(["Pl1", "Pl2"]) & right["group"].isin(pair)]
+    assert {*chain["file"]} == {"loads.csv"}
+    assert len(chain) == 4

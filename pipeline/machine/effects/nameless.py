@@ -196,8 +196,7 @@ def _angle(robot: Robot, joint: int) -> Effect:
 
 def _warming(robot: Robot, joint: int) -> Effect:
     def response(loaded: Loaded, torque: Array) -> Array:
-        hours = np.nan_to_num(loaded.pulls.time) / HOUR_S
-        return torque * hours[:, None]
+        return torque * (np.nan_to_num(loaded.pulls.time) / HOUR_S)[:, None]
 
     size = 0.05 * compliance(robot, joint)
     return _effect("compliance_by_time", joint, size, (joint,), response)

@@ -37,8 +37,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 
 def _waves(robot: Robot, pitch: float) -> Elastic:
     def response(loaded: Loaded, force: Array) -> Array:
-        phase = 2 * np.pi * loaded.configuration.q[:, 0] / pitch
-        return force * harmonics(phase, (1,))
+        return force * harmonics(2 * np.pi * loaded.configuration.q[:, 0] / pitch, (1,))
 
     return _effect(robot, f"supports every {pitch:g} m", ("c_rail_cos", "c_rail_sin"), response)
 
