@@ -101,22 +101,29 @@ def test_one_series_predicts_the_other(campaign):
 
 @pytest.mark.slow
 def test_residuals_with_flipped_signs_name_no_law(campaign):
-    """40 copies, estimated anew: the largest of all statistics is significant in none."""
+    """40 copies, estimated anew: the largest of all statistics is as large as by chance.
+
+    Their robot is as its table says: the moments by these readings are 4.5 standard deviations from
+    those of the table, which would be an effect in every copy.
+    """
     _, read = campaign
     found, _ = taught(campaign, read.readings.series == 0)
     springs = found.stages[2].found
+    known = springs.known
+    known = replace(known, mean=springs.solution.x[: len(known.mean)].copy())
     rng = np.random.default_rng(3)
     slides = springs.mechanism.table.prismatic
     laws = list(law_tests.candidates(springs.linear.inputs, slides))
     plain = law_tests.score(springs, np.zeros((0, len(springs.readings)))).copied
-    named = 0
+    p = []
     for turned in law_tests.flips(springs.readings, rng, 40):
         rows = springs.rows
         again = replace(rows, y=rows.along(springs.solution.x) + turned[:, None] * plain)
-        copy = replace(
-            springs, rows=again, solution=solved(again, springs.mechanism, springs.known)
-        )
+        solution = solved(again, springs.mechanism, known)
+        copy = replace(springs, rows=again, solution=solution, known=known)
         signs = law_tests.flips(copy.readings, rng, 200)
         first = law_tests.law_tests(copy, signs, laws, slides.tolist())
-        named += min(clue.p for clue in first) < alarms.LAW
-    assert named == 0
+        p.append(min(clue.p for clue in first))
+    assert min(p) >= alarms.LAW
+    # uniform, or larger: Bonferroni's bound of two families
+    assert np.mean(np.array(p) < 0.2) < 0.2 + 2.58 * np.sqrt(0.2 * 0.8 / 40)
