@@ -6,6 +6,7 @@ Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is eve
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -602,14 +603,14 @@ def _gain_uncertain(facts: Facts) -> str:
 
 
 def _likely(causes: Sequence[FoundCause], base: Drift | None) -> str:
-    """The same with their probabilities, and how far a drift went."""
-    return listed(
-        [
-            f"{one.effect.called} ({drifted(one, base)}probability "
-            f"{probability(one.stated(one.probability))})"
-            for one in causes
-        ]
-    )
+    """The same with their probabilities, equal ones said once, and how far a drift went."""
+    said = []
+    for (drift, p), alike in groupby(
+        causes, lambda one: (drifted(one, base), probability(one.stated(one.probability)))
+    ):
+        names = [one.effect.called for one in alike]
+        said.append(f"{listed(names)} ({drift}probability {p}{' each' * (len(names) > 1)})")
+    return listed(said) if len(said) == len(causes) else "; ".join(said)
 
 
 def drifted(cause: FoundCause, base: Drift | None) -> str:

@@ -151,8 +151,7 @@ def _first_screen(answer: Answer) -> list[str]:
 
 def _within(answer: Answer) -> bool:
     """Whether the tolerance is certainly kept; also True if none is judged."""
-    worst = None if answer.tolerance is None else answer.tolerance.worst
-    return worst in (None, "pass")
+    return answer.tolerance is None or answer.tolerance.worst in (None, "pass")
 
 
 def _mixed(one: Combination) -> str:

@@ -339,6 +339,16 @@ def test_identified_causes_are_said_with_their_probability(remainder, detected, 
     )
 
 
+def test_causes_of_one_probability_are_said_together():
+    sure = [cause(name, 0.9996) for name in ("roll", "tilt", "sag")]
+    known = Facts(detected=True, explains=True, causes=(*sure, cause("play", 0.98)))
+
+    assert words._identified(known).startswith(
+        "Identified in addition to the joint springs: roll, tilt and sag (probability over 99.9 % "
+        "each); play (probability 98 %). "
+    )
+
+
 def test_laws_of_one_place_are_told_beside_each_other():
     """Each has its share of the probability, unless all depend on the same variable."""
     laws = [effect(name, law=Some(driver=driver)) for name, driver in (("a", 1), ("b", 2))]
