@@ -673,8 +673,7 @@ def joint_to_pull(
         return None
     if _again(found):
         return worst if worst.value is None else None
-    explained = _holds(found)
-    return worst if explained and not _needs(found, diagnosis) else None
+    return worst if _holds(found) and not _needs(found, diagnosis) else None
 
 
 def _proposed(poses: Sequence[NextPose]) -> str:

@@ -94,8 +94,7 @@ def turned(six: Sequence[Array], R: Array) -> list[Array]:
         xx, xy, xz, yy, yz, zz = one = np.array([column[0] for column in six])
         if xx == yy == zz and xy == xz == yz == 0:  # isotropic: invariant under rotation
             return list(six)
-        one = flat(R @ symmetric(one[None]) @ R.T)[0]
-        return [np.full(len(six[0]), value) for value in one]
+        return [np.full(len(six[0]), v) for v in flat(R @ symmetric(one[None]) @ R.T)[0]]
     unit = flat(R @ symmetric(np.eye(6)) @ R.T)
     return list(np.ascontiguousarray((np.column_stack(six) @ unit).T))
 

@@ -151,5 +151,4 @@ def _rise(view: Whitened, suspect: int, parameter: Parameter, at: float) -> floa
     B = view.raw[:, np.where(mine < view.springs, mine, mine - view.common)]
     white = view.white.by_pose(data.delta.ravel() - moved.ravel() + B @ values) / view.noise
     A[: len(white), -1] = white - A[: len(white), fixed] * (at / view.typical[fixed])
-    best = float(eliminate(view.M, view.base)[-1, -1])
-    return float(eliminate(A.T @ A, free)[-1, -1]) - best
+    return float(eliminate(A.T @ A, free)[-1, -1]) - float(eliminate(view.M, view.base)[-1, -1])

@@ -279,8 +279,7 @@ class SearchResult(Locked):
     @property
     def clean(self) -> bool:
         """Whether nothing is left to explain."""
-        left = self.left < _FURTHER * self.threshold.p
-        return not (left or self.lack.found or self.structured)
+        return not (self.left < _FURTHER * self.threshold.p or self.lack.found or self.structured)
 
 
 def remainder(view: Whitened) -> float | None:

@@ -226,8 +226,7 @@ def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, flo
     if dof < 1 or spread.known_from != "contrasts":
         return p, p
     nu = 0.5 * (spread.tracker / spread.tracker_std) ** 2
-    ratio = estimate.chi2 / dof / spread.tracker**2
-    return p, max(p, float(special.fdtrc(dof, nu, ratio)))
+    return p, max(p, float(special.fdtrc(dof, nu, estimate.chi2 / dof / spread.tracker**2)))
 
 
 def _alone(

@@ -78,8 +78,7 @@ def _reflectors(case: Case, group: str | None) -> tuple[list[str], Array, Array]
     rows = rows[rows["target"].isin(list(base))]
     at = rows.groupby(rows["target"].astype(str))[XYZ].median()
     names = [str(name) for name in at.index]
-    places = np.array([base[name] for name in names]).reshape(-1, 3)
-    return names, at.to_numpy(float), places
+    return names, at.to_numpy(float), np.array([base[name] for name in names]).reshape(-1, 3)
 
 
 def _of_base(case: Case, group: str | None) -> pd.DataFrame:

@@ -233,8 +233,9 @@ def chain_gross(case: Case) -> list[Mistake]:
     text = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
     text += "in the other pulls"
     off = _Off(best, float(away[best] / chain.std[best]), 1, float(away[best]), None)
-    miss = _misses(chain, best) or (0.0, 0.0)
-    ends = enumerate(miss) if min(miss) > GROSS_DISTANCE_M else [_end(chain, best)]
+    gone = _misses(chain, best)
+    miss = np.zeros(2) if gone is None else np.linalg.norm(gone, axis=1)
+    ends = enumerate(miss.tolist()) if miss.min() > GROSS_DISTANCE_M else [_end(chain, best)]
     return [_finding(case, chain, off, text, end) for end in ends]
 
 
@@ -357,16 +358,38 @@ def _turned(chain: _Chain) -> pd.DataFrame:
 
 
 def _direction(chain: _Chain) -> _Off | None:
-    """The worst outlier by direction."""
+    """The worst outlier by direction, of pulls whose chain has not swung about the load point."""
     turned = _turned(chain)
-    if turned.empty:
+    order = turned.sort_values("p").index if len(turned) else turned.index
+    at = next((pull for pull in order if not _swung(chain, pull)), None)
+    if at is None:
         return None
-    at = int(np.argmin(turned["p"]))
-    best = turned.iloc[at]
-    chance, size = len(turned) * float(best["p"]), float(best["size"])
-    if chance >= alarms.READING / _TESTS or best["apart"] <= _APART or size < _MATTERS_RAD:
+    p, apart, size, sigmas = turned.loc[at, ["p", "apart", "size", "sigmas"]].tolist()
+    if len(turned) * p >= alarms.READING / _TESTS or apart <= _APART or size < _MATTERS_RAD:
         return None
-    return _Off(int(turned.index[at]), float(best["sigmas"]), 2, size, chance)
+    return _Off(at, sigmas, 2, size, len(turned) * p)
+
+
+def _swung(chain: _Chain, pull: int) -> bool:
+    """Whether both ends deviate as by a turn about a point behind the near one: the load point.
+
+    A chain that goes elsewhere, even by millimetres, does this; a bad reading leaves one end where
+    it was, about which the direction turns.
+    """
+    off = _misses(chain, pull)
+    if off is None:
+        return False
+    near, far = off - np.outer(off @ (u := _along(chain.ends[[pull]])[0]), u)
+    turn = far - near
+    behind = float(near @ turn / max(turn @ turn, linear.TINY))
+    return behind > _BEHIND and bool(
+        np.linalg.norm(near - behind * turn) < 0.5 * np.linalg.norm(near)
+    )
+
+
+_BEHIND = 0.1
+"""Minimum distance of the point about which a chain turns behind its near end, over the distance of
+the ends [1]; that of one bad reading is 0 or -1."""
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
@@ -409,21 +432,21 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
     None where neither is clearly the worse one.
     """
-    miss = _misses(chain, pull)
-    if miss is None or max(miss) < _DECIDES * min(miss):
-        return None
-    return int(np.argmax(miss)), max(miss)
+    off = _misses(chain, pull)
+    miss = np.zeros(2) if off is None else np.linalg.norm(off, axis=1)
+    far = int(np.argmax(miss))
+    return (far, float(miss[far])) if miss.max() > _DECIDES * miss.min() else None
 
 
-def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
-    """Deviation of both ends from the other pulls of the set [m], if there are at least three."""
+def _misses(chain: _Chain, pull: int) -> Array | None:
+    """Deviation of both ends from the other pulls of the set [m], (2, 3), if these are three."""
     same = (chain.towards == chain.towards[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
         return None
     X, at = np.column_stack([np.ones(len(same)), chain.force]), chain.ends.reshape(-1, 6)
     off = at[pull] - X[pull] @ linear.least_squares(X[others], at[others])  # from a straight course
-    return float(np.linalg.norm(off[:3])), float(np.linalg.norm(off[3:]))
+    return np.asarray(off.reshape(2, 3))
 
 
 def _finding(

@@ -24,6 +24,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.faults.conventions import with_covariance
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
+from pipeline.machine import instrument
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
@@ -131,6 +132,8 @@ def misstated(asked: Screening) -> list[Mistake]:
     if not found:
         return []
     then, best = min(found, key=lambda one: one[0].loss)
+    if (plain := _uncorrelated(asked, own)) is not None:
+        seen = min(seen, plain, key=lambda one: one.loss)
     p = len(frames + units) * float(np.exp(min(then.loss - seen.loss, 0.0) / 2))
     if p >= alarms.FRAME:
         return []
@@ -149,6 +152,22 @@ def misstated(asked: Screening) -> list[Mistake]:
             correct=partial(best.correct, own),
         )
     ]
+
+
+def _uncorrelated(asked: Screening, own: Bools) -> _Scatter | None:
+    """Scatter where the correlations are those of a beam, by its variances alone; else None.
+
+    They are added where a file states none (`instrument.correlated`), and need not be there.
+    """
+    case, C = asked.case, covariance.matrices(asked.case.readings)
+    points = case.readings[list(XYZ)].to_numpy(float)[own]
+    beams = instrument.correlated(points, np.einsum("mii->mi", C[own]))
+    if beams is None:
+        return None
+    added = np.isclose(covariance.flat(C[own]), beams, 1e-6, 0.0).all(axis=1)
+    C[np.flatnonzero(own)[added]] *= np.eye(3)
+    alone = with_covariance(case.readings, covariance.flat(C))
+    return _scatter(replace(asked, case=replace(case, readings=alone), known=None))
 
 
 @dataclass(frozen=True)

@@ -118,8 +118,7 @@ def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
 
 def _fits(left: float, dof: int, asked: Screening) -> bool:
     """Whether the residuals are explained by the scatter of the readings."""
-    scale = max(asked.spread[0], 1.0)
-    return bool(chi2_beyond(left / scale**2, dof) > odds.FITS)
+    return bool(chi2_beyond(left / max(asked.spread[0], 1.0) ** 2, dof) > odds.FITS)
 
 
 def _tried(moved: PullMoves, pose: Ints) -> list[Ints]:

@@ -224,8 +224,7 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
     model = max(1.4826 * float(np.median(part)), _MODEL)  # for a normal distribution
     var = own**2 + moved.std**2 + (model * force) ** 2
     cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
-    left = float(np.mean(np.minimum(part, 1.0)))
-    return OrderFit(x, cost, model, left)
+    return OrderFit(x, cost, model, float(np.mean(np.minimum(part, 1.0))))
 
 
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
@@ -547,8 +546,7 @@ def _in_pose(
 def _total(cost: Array) -> float:
     """Cost of the best assignment, its moves included."""
     order, own = _assigned(cost)
-    moves = int((order != np.arange(len(cost))).sum())
-    return float(own.sum()) + _APART**2 * moves
+    return float(own.sum()) + _APART**2 * int((order != np.arange(len(cost))).sum())
 
 
 def _assigned(cost: Array) -> tuple[Ints, Array]:

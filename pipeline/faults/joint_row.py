@@ -229,8 +229,7 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     left = float(np.sqrt(np.mean(np.sum((seen - linear.moved_onto(due, seen)) ** 2, axis=1))))
     away = np.linalg.norm(seen[:, None] - due[None], axis=2)
     row, column = optimize.linear_sum_assignment(away**2)
-    names = rms(away[row, column])
-    return left < max(size / _PART, _STANDS_OUT * usual) and names > size / 2
+    return left < max(size / _PART, _STANDS_OUT * usual) and rms(away[row, column]) > size / 2
 
 
 def _finding(case: Case, read: _TableStand, laid: _Laid, k: int) -> Mistake:

@@ -92,8 +92,7 @@ def _not_alone(agree: Bools, reflector: Ints) -> Bools:
     One that is metres off would rotate the frame by degrees. A reflector of which all readings
     disagree has the wrong name or position, which is tested elsewhere.
     """
-    known = np.bincount(reflector, agree) > 0
-    return np.asarray(agree | ~known[reflector])
+    return np.asarray(agree | ~(np.bincount(reflector, agree) > 0)[reflector])
 
 
 # --- corrections ----------------------------------------------------------------------------------

@@ -185,8 +185,7 @@ class RoughnessGrid(Locked):
         freedom; conservative, since both lie at an end of their range.
         """
         smooth = np.all(self.rough <= self.rough.min(axis=0), axis=1)
-        ratio = 2 * (self.log.max() - self.log[smooth].max())
-        return float(special.chdtrc(2, ratio))
+        return float(special.chdtrc(2, 2 * (self.log.max() - self.log[smooth].max())))
 
     def evidence(self, one: SuspectUnknowns) -> float:
         """Log marginal likelihood over the whole grid with a suspect of any size free."""

@@ -22,8 +22,7 @@ ROWS = ("position", "rotation")
 
 def radius(points: Array) -> float:
     """L: root mean square distance of the targets (t, 3) from their centroid [m]."""
-    levers = points - points.mean(axis=0)
-    return float(np.sqrt(np.mean(np.sum(levers**2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum((points - points.mean(axis=0)) ** 2, axis=1))))
 
 
 def coordinates(levers: Array, moved: Array, size: float) -> Array:

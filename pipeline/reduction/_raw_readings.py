@@ -192,8 +192,7 @@ def lost(given: RawReadings, used: RawReadings, measured: Sequence[str]) -> Unus
         for one, slots in ((each, each.slot[each.slot >= 0]) for each in (given, used))
     )
     absent = tuple(name for k, name in enumerate(measured) if not (used.role == k).any())
-    unused = len(given) - len(used)
-    return UnusedReadings(unused, len(given), tuple(sorted(there - left)), absent)
+    return UnusedReadings(len(given) - len(used), len(given), tuple(sorted(there - left)), absent)
 
 
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:

@@ -74,8 +74,7 @@ def days(data: Measured) -> _Days | None:
     excess = float(square.sum() - len(g)) / float(np.sum(1 / variance))
     relative = float(np.sqrt(max(excess, 0.0) / 2))
     share = _independent(np.array(list(found)))
-    p_value = float(special.chdtrc(share.sum(), share @ square))
-    return _Days(day, len(g), relative, p_value)
+    return _Days(day, len(g), relative, float(special.chdtrc(share.sum(), share @ square)))
 
 
 def _independent(pairs: Ints) -> Array:

@@ -310,8 +310,7 @@ def _side_by_side(table: pd.DataFrame, names: Sequence[str]) -> Array:
 def _zeros(rows: pd.DataFrame) -> Ints:
     """Number of the zero of each row: one per target and pose, in order."""
     codes, words = coded(rows["target"])
-    key = rows["pose"].to_numpy(np.int64) * len(words) + codes
-    return np.unique(key, return_inverse=True)[1]
+    return np.unique(rows["pose"].to_numpy(np.int64) * len(words) + codes, return_inverse=True)[1]
 
 
 def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:

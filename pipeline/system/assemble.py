@@ -184,8 +184,7 @@ def _of_force(data: Measured, unit: float, scale: tuple[float, float]) -> dict[s
 
 def _of_body(data: Measured) -> Array:
     """Which weight or payload loads each pull, one row per body, shape (b, m)."""
-    bodies = np.unique(data.body[data.body >= 0])
-    return np.asarray(data.body == bodies[:, None])
+    return np.asarray(data.body == np.unique(data.body[data.body >= 0])[:, None])
 
 
 @dataclass(frozen=True, eq=False)

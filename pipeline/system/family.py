@@ -468,8 +468,7 @@ def _stated(log_scale: float, paper: bool) -> Array:
     if paper:  # density of 3 s^2 b in log lambda, b ~ Beta(1/2, 1): sqrt(b) / 2
         share = np.exp(_GRID - log_scale) / 3
         return _normed(np.where(share <= 1, np.sqrt(share), 0.0))
-    at = int(np.argmin(np.abs(_GRID - log_scale)))
-    return np.eye(len(_GRID))[at]
+    return np.eye(len(_GRID))[int(np.argmin(np.abs(_GRID - log_scale)))]
 
 
 def _bursts(part: float, width: float, log_scale: float, paper: bool) -> Array:

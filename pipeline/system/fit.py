@@ -124,8 +124,7 @@ def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
     """Linearise a campaign at its joint springs, all known and nameless effects as suspects."""
     known = (one for one in catalogue(cell.robot, data.pulls) if not isinstance(one, Noise))
     model = CurrentModel(replace(cell, equilibrium="undeformed"), values, len(values))
-    every = (*known, *nameless(cell.robot))
-    return linearise(model, replace(data, bends=False), every)
+    return linearise(model, replace(data, bends=False), (*known, *nameless(cell.robot)))
 
 
 def _shaped(

@@ -41,8 +41,7 @@ class RowsByPose(Locked):
         white = whitener(errors, seen.rows.pose)
         fixed = linear.independent(white.by_pose(Q))
         prior = np.repeat([0.0, 1.0], [fixed.shape[1], white.common.shape[1]])
-        X = np.hstack([fixed, white.common])
-        return cls(white, X, prior, white.by_pose(seen.y))
+        return cls(white, np.hstack([fixed, white.common]), prior, white.by_pose(seen.y))
 
     @cached_property
     def base(self) -> Base:

@@ -164,6 +164,27 @@ def test_a_far_end_that_stands_in_both_pulls_of_a_pose_is_no_bad_reading(nearer_
         assert found.where.startswith("pose02_rep1_loaded")
 
 
+@pytest.mark.parametrize("pulls", [[2], [3, 4]])
+@pytest.mark.parametrize("turn_rad", [2e-3, 2e-2])
+def test_a_chain_that_swings_about_the_load_point_is_no_bad_reading(pulls, turn_rad):
+    """It went to another place, 2 cm beside; a bad reading of another pose is still named."""
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        given = read(rng, steps=(800.0, 1400.0, 1900.0, 2500.0, 3000.0))
+        rows = given.readings.set_index(["group", "target"])[XYZ]
+        v = turn_rad * _unit(rng.standard_normal(3))
+        for pull in pulls:
+            group = f"pose04_rep{pull}_loaded"
+            near, far = (rows.loc[group, end].to_numpy(float) for end in ("Pl1", "Pl2"))
+            load = near - 0.15 * _unit(far - near)
+            for end, at in (("Pl1", near), ("Pl2", far)):
+                given = spoiled(given, group, end, np.cross(v, at - load))
+
+        assert not chain_outlier(given)
+        (found,) = chain_outlier(spoiled(given, "pose02_rep1_loaded", "Pl2", [3e-3, 2e-3, -2e-3]))
+        assert found.where == "pose02_rep1_loaded/Pl2"
+
+
 @pytest.mark.parametrize(("along", "off_m"), [(1.0, 1.2e-4), (0.0, 2e-4)])
 def test_what_turns_no_force_by_more_than_a_scale_scatters_is_not_named(along, off_m):
     """However certain it is: by a tracker of 2 micrometres, an end is off by 60 to 100 of them."""

@@ -24,12 +24,33 @@ def good():
     case = ingested(in_memory(simulate(PLAN).files), plausible=False)
     rows, rng = case.readings, np.random.default_rng(7)
     points = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
-    unit = points / np.linalg.norm(points, axis=1)[:, None]
-    C = ACROSS**2 * np.eye(3) + (ALONG**2 - ACROSS**2) * unit[:, :, None] * unit[:, None, :]
+    C = shell(points)
     added = np.linalg.cholesky(C) @ rng.standard_normal((len(C), 3, 1))
     rows = rows.assign(**dict(zip(["x_m", "y_m", "z_m"], (points + added[..., 0]).T, strict=True)))
     noise = covariance.matrices(case.readings)  # as the campaign already has
     return stated(replace(case, readings=rows), C + noise)
+
+
+def shell(points, along=ALONG):
+    """Covariances along the beam to each point and across it."""
+    unit = points / np.linalg.norm(points, axis=1)[:, None]
+    return ACROSS**2 * np.eye(3) + (along**2 - ACROSS**2) * unit[:, :, None] * unit[:, None, :]
+
+
+@cache
+def by_axes(seed, middle):
+    """A campaign that scatters along each axis by itself, with the variances that a beam has.
+
+    The tracker stands where the mean of all readings is at `middle` [m].
+    """
+    case = ingested(in_memory(simulate(PLAN).files), plausible=False)
+    rows, rng = case.readings, np.random.default_rng(seed)
+    points = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
+    points += np.array(middle) - points.mean(axis=0)
+    std = np.sqrt(np.einsum("mii->mi", shell(points, 0.2 * ACROSS)))
+    points += std * rng.standard_normal(points.shape)
+    rows = rows.assign(**dict(zip(["x_m", "y_m", "z_m"], points.T, strict=True)))
+    return stated(replace(case, readings=rows), shell(points, 0.2 * ACROSS))
 
 
 def stated(case, C):
@@ -56,6 +77,14 @@ def along_the_base(case):
 def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
     """In the frame of the readings: nothing to report."""
     assert misstated(asked(good())) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("middle", [(-1.0, 3.0, -2.0), (0.0, 0.0, 2.5)])
+def test_axes_that_scatter_by_themselves_are_no_other_frame(middle, seed):
+    """Correlations of a beam are added where a file states none, and need not be there."""
+    assert misstated(asked(by_axes(seed, middle))) == []
 
 
 @pytest.mark.sampled(1)

@@ -46,8 +46,7 @@ def _steady(robot: Robot) -> Elastic:
     low, high = rail_ends(robot)
 
     def response(loaded: Loaded, force: Array) -> Array:
-        along = (loaded.configuration.q[:, :1] - (low + high) / 2) / ((high - low) / 2)
-        return force * along
+        return force * ((loaded.configuration.q[:, :1] - (low + high) / 2) / ((high - low) / 2))
 
     return _effect(robot, "steady", ("c_rail_slope",), response)
 

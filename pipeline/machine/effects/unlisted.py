@@ -508,8 +508,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
             sense = -sense * loaded.pulls.branch[:, None]
         if law.kind == "step":
             return sense
-        waves = _basis(law, variable(law, loaded))
-        return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
+        return np.asarray(sense * np.insert(_basis(law, variable(law, loaded)), 0, 1.0, axis=1))
 
     k = 1 if law.kind == "step" else 1 + _width(law, False)
     described = _said(law, "joint", k, "rad", 5e-5)

@@ -120,8 +120,7 @@ def in_log_units(robot: Robot, q: Array) -> Array:
 
     Rounding to twelve decimals removes the error of converting degrees to radians and back.
     """
-    logged = np.where(robot.prismatic, q, np.rad2deg(q))
-    return np.asarray(np.round(logged, 12), dtype=np.float64)
+    return np.asarray(np.round(np.where(robot.prismatic, q, np.rad2deg(q)), 12), dtype=np.float64)
 
 
 def from_log_units(robot: Robot, q: Array) -> Array:

@@ -112,8 +112,7 @@ def _moved(R: Array, o: Array, step: Array) -> tuple[Array, Array]:
     """Frame (axes (3, 3, m), origin (3, m)) composed with a constant transformation (4, 4)."""
     m = R.shape[-1]
     flat = R.reshape(3, 3 * m)
-    o = o + (step[:3, 3] @ flat).reshape(3, m)
-    return (step[:3, :3].T @ flat).reshape(3, 3, m), o
+    return (step[:3, :3].T @ flat).reshape(3, 3, m), o + (step[:3, 3] @ flat).reshape(3, m)
 
 
 def _joint_twists(robot: Robot, z: Array, origin: Array) -> Array:

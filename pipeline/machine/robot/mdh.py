@@ -362,8 +362,7 @@ def placements(file: RobotFile) -> tuple[Array, Array]:
         else:
             placement.append(behind @ x @ z)
             behind = np.eye(4)
-    after = Fixed() if file.flange is None else file.flange
-    return np.array(placement), behind @ after.step
+    return np.array(placement), behind @ (Fixed() if file.flange is None else file.flange).step
 
 
 def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
