@@ -52,7 +52,8 @@ def drifted(case: Case) -> list[Mistake]:
     A tracker that drifts sees the unloaded effector creep as the rounds of base reflectors do. With
     S the sum of squared deviations of the poses from the table, each pose seen from where the
     tracker stood by the rounds before and after it, the likelihood ratio of an exchange is
-    (S / S')^(n/2), n = 3 poses - 6; chance exceeds 1 / a in less than a of all cases.
+    (S / S')^(n/2), n = 3 poses - 6; chance exceeds 1 / a in less than a of all cases. Rivals are
+    the exchange of two others, and that one of the two rounds is bad in any place.
     """
     rounds = [] if case.stations else rounds_of(case.settings, case.readings)[:_MOST]
     since = pd.Series(seconds(case.readings), case.readings.index)
@@ -65,9 +66,9 @@ def drifted(case: Case) -> list[Mistake]:
         for a, b in combinations(range(len(rounds)), 2)
     }
     before, best = _square(case, rows, rounds), min(left, key=lambda pair: left[pair])
-    rivals = [np.inf, *(square for pair, square in left.items() if pair != best)]
-    n = 3 * poses - 6
-    gains = n * np.log(np.array([before, min(rivals)]) / left[best])
+    rivals = [square for pair, square in left.items() if pair != best]
+    rivals += [_square(case, rows, [*rounds[:k], *rounds[k + 1 :]]) for k in best]
+    gains = (3 * poses - 6) * np.log(np.array([before, min(rivals)]) / left[best])
     if (gains < (-2 * np.log(alarms.MOVED), odds.DECIDES)).any():
         return []
     a, b = (rounds[k].group for k in best)

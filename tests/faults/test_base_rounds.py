@@ -99,6 +99,22 @@ def test_rounds_exchanged_while_the_tracker_drifts_show_in_the_effector(mm):
         np.testing.assert_allclose(here[XYZ], there[XYZ], atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_bad_round_is_not_exchanged_with_one_at_the_end(seed):
+    """It does less harm there, hours after the last pose, and none where it is left out."""
+    right = small(12)
+    rows, rng = right.readings, np.random.default_rng(seed)
+    middle = rows["time"][rows["pose"] == 6].min()
+    base = rows[rows["group"] == "base_start"]
+    again = base.assign(group="base_mid", line=base["line"] + 100_000)
+    again["time"] = base["time"] - base["time"].max() + middle - pd.Timedelta(seconds=5)
+    again[XYZ] = again[XYZ].to_numpy(float) + 2e-3 * rng.standard_normal((len(again), 3))
+    rows = pd.concat([rows, again], ignore_index=True)
+    rows.loc[rows["group"] == "base_end", "time"] += pd.Timedelta(hours=9)
+
+    assert drifted(replace(right, readings=rows)) == []
+
+
 def test_readings_without_a_time_show_no_drift():
     """As those of a second export: the others are judged, and by themselves too few are not."""
     right = small(12)
