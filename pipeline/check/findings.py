@@ -13,13 +13,13 @@ from pipeline.answer.inputs import miss_m
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.results import CampaignResults
 from pipeline.answer.words import capital
-from pipeline.base import covariance, linear
+from pipeline.base import covariance, doors, linear
+from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
 from pipeline.base.quantities import bracketed, common_prefix, plain, prefixed, with_std
 from pipeline.base.tails import chi2_beyond
 from pipeline.check.contradictions import along_the_beam, overloaded
 from pipeline.diagnosis.facts import EffectSize, FoundCause, UnloadedFacts
-from pipeline.library.compensate import against_pulls
 from pipeline.machine.effect import Effect, Observation, Pulls
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
@@ -387,6 +387,12 @@ def return_findings(fitted: Fitted) -> list[str]:
         "explains: a joint slipped, something gave way for good, or the tracker moved. "
         "Displacements are measured from the mean of both readings."
     ]
+
+
+def against_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
+    """Sentences of the library on forces [N] beyond those of the pulls; none where it is absent."""
+    say = doors.found("pipeline.library.compensate:against_pulls")
+    return [] if say is None else say(force_n, pulled)
 
 
 def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float]) -> list[str]:

@@ -17,7 +17,13 @@ from pipeline.base.quantities import plain as in_digits
 from pipeline.base.shown import typed
 from pipeline.base.toml import line_of, quoted
 from pipeline.check.contradictions import overload_entry, overloaded
-from pipeline.check.findings import growth_findings, limit_findings, shot_findings, treated_findings
+from pipeline.check.findings import (
+    against_pulls,
+    growth_findings,
+    limit_findings,
+    shot_findings,
+    treated_findings,
+)
 from pipeline.check.proven import proven
 from pipeline.check.survey import (
     CampaignTimes,
@@ -30,7 +36,6 @@ from pipeline.check.survey import (
 )
 from pipeline.check.wrong_lines import TOML, WrongLine, mistaken, text_of, wrong_lines
 from pipeline.faults.conventions import anchored_miss, miss
-from pipeline.library.compensate import against_pulls
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units

@@ -20,7 +20,6 @@ from pipeline.answer.contract import Answer, Cause, TargetDeflection
 from pipeline.answer.words import ABOUT
 from pipeline.base import doors
 from pipeline.base.shown import printable
-from pipeline.library.spreadsheets import as_csv
 from pipeline.report import words
 from pipeline.tables import F64, STR
 
@@ -45,14 +44,15 @@ def _number(title: str, of: Callable[[Any], float | None]) -> _SheetColumn:
 
 
 def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
-    """results.xlsx, and each of its sheets as CSV.
+    """results.xlsx, and each of its sheets as CSV; without the library the workbook alone.
 
     Args:
         answer: The answer to the campaign.
         tables: The tables `residuals` and `reliability`, in SI; a missing one gives an empty sheet.
     """
     found = _sheets(answer, tables)
-    each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items()}
+    as_csv = doors.found("pipeline.library.spreadsheets:as_csv")
+    each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items() if as_csv}
     return {"results.xlsx": _workbook(found), **each}
 
 
