@@ -27,6 +27,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.machine import instrument
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
+from pipeline.reduction.stations import moved_by
 from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
@@ -159,15 +160,16 @@ def _uncorrelated(asked: Screening, own: Bools) -> _Scatter | None:
 
     They are added where a file states none (`instrument.correlated`), and need not be there.
     """
-    case, C = asked.case, covariance.matrices(asked.case.readings)
-    points = case.readings[list(XYZ)].to_numpy(float)[own]
-    beams = instrument.correlated(points, np.einsum("mii->mi", C[own]))
+    stations = asked.case.stations
+    shot = moved_by(asked.case.readings, [one.back for one in stations])
+    C, points = covariance.matrices(shot), shot[list(XYZ)].to_numpy(float)
+    beams = instrument.correlated(points[own], np.einsum("mii->mi", C[own]))
     if beams is None:
         return None
     added = np.isclose(covariance.flat(C[own]), beams, 1e-6, 0.0).all(axis=1)
     C[np.flatnonzero(own)[added]] *= np.eye(3)
-    alone = with_covariance(case.readings, covariance.flat(C))
-    return _scatter(replace(asked, case=replace(case, readings=alone), known=None))
+    alone = moved_by(with_covariance(shot, covariance.flat(C)), stations)
+    return _scatter(replace(asked, case=replace(asked.case, readings=alone), known=None))
 
 
 @dataclass(frozen=True)

@@ -118,7 +118,7 @@ def moved_by(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFram
     """Table READINGS with the readings of each station transformed as it says."""
     since, out, columns = seconds(readings), readings.copy(), covariance.columns()
     ends = [one.begun for one in stations[1:]]
-    for one, end in zip(stations, [*ends, np.inf], strict=True):
+    for one, end in zip(stations, [*ends, np.inf], strict=False):  # there may be none
         rows = (since >= one.begun) & (since < end)
         out.loc[rows, XYZ] = readings.loc[rows, XYZ].to_numpy(float) @ one.turn.T + one.shift
         six = [readings.loc[rows, column].to_numpy(float) for column in columns]

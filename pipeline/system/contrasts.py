@@ -325,8 +325,7 @@ def _before(pose: Ints, like: Ints) -> Ints:
     new = np.ones(len(pose), dtype=bool)
     new[1:] = (pose[1:] != pose[:-1]) | (like[1:] != like[:-1])
     last = np.column_stack([place, np.flatnonzero(new)[np.cumsum(new) - 1]]) - 1
-    there = (last >= 0) & (pose[last] == pose[:, None])
-    return np.where(there, like[last], -1)
+    return np.where((last >= 0) & (pose[last] == pose[:, None]), like[last], -1)
 
 
 def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:

@@ -326,5 +326,4 @@ def goodness(system: System, found: NoiseShape, rng: np.random.Generator) -> Goo
     e = rng.standard_normal((system.errors.G.shape[1], _DRAWS))
     e *= np.sqrt(np.where(which[:, None] >= 0, spread[which], 1.0))
     drawn = white.with_priors(np.asarray(system.errors.G @ e))
-    left = np.sum(base.beyond(drawn) ** 2, axis=0)
-    return Goodness.among(base.rest, base.dof, left)
+    return Goodness.among(base.rest, base.dof, np.sum(base.beyond(drawn) ** 2, axis=0))
