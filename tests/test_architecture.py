@@ -467,7 +467,6 @@ SETS = [[*OUTBUILDINGS], *([name] for name in OUTBUILDINGS)]
 
 
 @pytest.mark.whole
-@pytest.mark.sampled(1)
 @pytest.mark.parametrize("names", SETS, ids=["all", *OUTBUILDINGS])
 def test_the_core_runs_without(tmp_path, names):
     """The demo gives its report, and a missing command is reported as such."""
