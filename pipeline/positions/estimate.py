@@ -229,13 +229,17 @@ class ReadRows(Locked):
             out += self.K @ own @ np.swapaxes(self.K, 1, 2)
         return np.asarray(out)
 
-    def by_root(self, root: Array) -> Array:
-        """X R of each pose, (m, r, k), R (size, k) zero below the diagonal of its k columns."""
+    def by_root(self, root: Array, first: int = 0) -> Array:
+        """X R of each pose, (m, r, k).
+
+        Args:
+            root: R, shape (size, k), zero below the diagonal of the dense parameters.
+            first: Column before which it is zero in all knots.
+        """
         dense = self.D.shape[2]
         half = by_upper(self.D.reshape(-1, dense), root[:dense])
         if self.knots:
-            some = dense if root.shape[1] > dense else 0
-            half[:, some:] += self._sparse @ root[dense:, some:]
+            half[:, first:] += self._sparse @ root[dense:, first:]
         return half.reshape(*self.y.shape, -1)
 
 

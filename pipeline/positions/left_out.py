@@ -79,7 +79,7 @@ class LeftOut:
         """
         out = np.empty(self._found.linear.y.shape)
         for one in self._parts:
-            half = one.own.L @ one.own.by_root(one.known.root)
+            half = one.own.L @ one.own.by_root(one.known.root, one.own.D.shape[2])
             var = np.sum(one.own.L**2, axis=2) + np.einsum("mrk,mrk->mr", half, half)
             out[one.mine] = self._found.linear.spread(np.sqrt(var))
         return out

@@ -94,6 +94,19 @@ def test_left_out_readings_are_as_uncertain_as_by_the_others(found):
         assert said[mine] ** 2 == pytest.approx(np.einsum("mii->mi", V), rel=1e-5)
 
 
+def test_what_is_predicted_is_as_uncertain_as_all_columns_of_the_root_say(found):
+    """With one more than there are dense parameters, as of an unknown factor of all masses."""
+    rng = np.random.default_rng(6)
+    root = found.solution.root
+    more = 1e-4 * rng.standard_normal(len(root))
+    known = replace(found.solution, root=np.column_stack([root, more]))
+    dense, X = found.rows.D.shape[2], columns(found)
+    C = known.root @ known.root.T
+    C[dense:, dense:] += known.knots
+
+    assert found.rows.variance(known) == pytest.approx(X @ C @ np.swapaxes(X, 1, 2), rel=1e-6)
+
+
 def test_a_law_adds_its_part_to_the_uncertainty_of_left_out_readings(found):
     """Where the law is known, its part is gone: by an estimate with it held at zero."""
     part, law = by_turns(found.readings, 4), layout(found.mechanism).laws
