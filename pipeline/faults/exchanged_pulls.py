@@ -265,10 +265,14 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row, least = rows_of(asked.case, asked.reduced.data, moved.pull), moved.least
 
-    def left(one: tuple[OrderFit, list[Ring]]) -> int:
-        """Number of pulls whose force does not fit, except those left without one."""
+    def left(one: tuple[OrderFit, list[Ring]]) -> tuple[int, int]:
+        """Number of pulls whose force does not fit, except those left without one; then of moves.
+
+        A run that is off by one is a single move.
+        """
         wrong = np.diag(one[0].cost[ordering(one[1], len(moved.force))]) > least
-        return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
+        without = sum(wrong[ring.members[0]] for ring in one[1] if ring.ended)
+        return int(wrong.sum() - without), sum(1 if r.by_one else len(r.moves) for r in one[1])
 
     for fit, found in sorted(_orders(moved, given, least, row), key=left):
         moves = row[[k for ring in found for k in ring.members]]
@@ -289,16 +293,38 @@ def _orders(
     if few and _all_fit(moved, few, least):
         yield ordered(moved, ordering(few, count)), few
     at = np.argsort(row)  # pulls in the order of the log
-    wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
-    first = int(wrong.min(initial=count))
-    since = [k for k in (first, first - 1) if 0 < k <= count - LEAST_SHIFTED]  # or from some row on
-    for begin, step, ended in product((0, *since), (1, -1), (False, True)):
-        ring = shift(at[begin:], step, ended)
-        if _all_fit(moved, [ring], least):
-            yield ordered(moved, ordering([ring], count)), [ring]
+    for step, ended in product((1, -1), (False, True)):
+        for begin in dict.fromkeys((0, *_since(moved, at, step))):
+            ring = shift(at[begin:], step, ended)
+            if _all_fit(moved, [ring], least):
+                yield ordered(moved, ordering([ring], count)), [ring]
     found = _sorted(moved, least)
     if found is not None:
         yield found
+
+
+def _since(moved: PullMoves, at: Ints, step: int) -> set[int]:
+    """Rows from which on the forces may be off by one, by compliances of all rows and of all later.
+
+    Args:
+        moved: The pulls.
+        at: Pulls in the order of the log, shape (m,).
+        step: Direction in which each force belongs, 1 or -1.
+    """
+    some, found = moved.only(at), set[int]()
+    late, last = np.roll(some.force, step), len(at) - LEAST_SHIFTED
+    for force in (some.force, late):
+        for _ in range(_ROUNDS):
+            due = some.due(some.solved(force))[0]
+            off, other = (np.minimum(np.abs(due / one - 1), 1.0) for one in (some.force, late))
+            own = off if step == 1 else off - other  # nothing belongs in the first of these places
+            begin = int(np.argmin((np.cumsum(off - other) - own)[: last + 1]))
+            new = np.where(np.arange(len(at)) < begin, some.force, late)
+            if (new == force).all():
+                break
+            force = new
+        found.add(begin)
+    return found
 
 
 def ordering(found: Sequence[Ring], count: int) -> Ints:
