@@ -126,8 +126,7 @@ def _shortly(one: Mistake) -> str:
 def _some(places: Sequence[str]) -> str:
     """The first of them, and how many more there are."""
     more = len(places) - _FURTHER
-    rest = [f"{more} more"] if more > 0 else []
-    return listed([*places[:_FURTHER], *rest])
+    return listed([*places[:_FURTHER], *([f"{more} more"] if more > 0 else [])])
 
 
 def wrong(facts: Facts, unseen: int, besides: Sequence[str] = ()) -> str:

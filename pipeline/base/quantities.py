@@ -154,8 +154,7 @@ def p_value(p: float | None) -> str:
 def typeset(text: str) -> str:
     """Sentence for print: ± and powers of ten, no line break inside a quantity."""
     text = _POWER.sub(lambda found: f"{found[1]} × {_ten_to(int(found[2]))}", text)
-    text = re.sub(r"\+-(?= ?\d)", "±", text)
-    return _BINDS.sub("\N{NO-BREAK SPACE}", text)
+    return _BINDS.sub("\N{NO-BREAK SPACE}", re.sub(r"\+-(?= ?\d)", "±", text))
 
 
 def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:

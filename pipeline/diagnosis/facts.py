@@ -433,8 +433,7 @@ class FoundCause(Locked):
     @property
     def outside(self) -> float:
         """Probability that the apparent cause is not of the catalogue."""
-        unnamed = self.unnamed.probability if self.unnamed else 0.0
-        return max(self.missing, self.unproven, unnamed)
+        return max(self.missing, self.unproven, self.unnamed.probability if self.unnamed else 0.0)
 
     @property
     def of_one_driver(self) -> float:

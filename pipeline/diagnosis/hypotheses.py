@@ -61,8 +61,7 @@ def hypotheses(
     first, *others = _likely(task, found)
     own = _hypothesis(task, found.view.model, found.seen, first.weight)
     own = _tested(task, own, found.seen)
-    every = [own, *(_other(task, found, one) for one in others)]
-    return weighed(beside_small(every, small))
+    return weighed(beside_small([own, *(_other(task, found, one) for one in others)], small))
 
 
 def beside_small(sets: Sequence[Hypothesis], small: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:

@@ -58,8 +58,7 @@ def _determined(system: System, estimate: Estimate) -> bool:
     told = system.noise_stated or estimate.dof < 1
     variance = 1.0 if told else max(rest / estimate.dof, np.finfo(float).tiny)
     B = system.B * system.typical
-    chance = chi2_beyond((whole - rest) / variance, max(linear.rank(B.T @ B), 1))
-    return bool(chance < _CHANCE)
+    return bool(chi2_beyond((whole - rest) / variance, max(linear.rank(B.T @ B), 1)) < _CHANCE)
 
 
 def _scale(right: Fitted, name: str) -> float:

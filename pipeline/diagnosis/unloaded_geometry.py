@@ -317,8 +317,7 @@ class _Search:
         x = np.append(self.x[:stays], np.zeros(zeros.columns.count - stays))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
-        found = cells(zeros, products(rows), free)
-        return _Search(zeros, asked, x, rows, found, self.wander_m)
+        return _Search(zeros, asked, x, rows, cells(zeros, products(rows), free), self.wander_m)
 
     @property
     def free(self) -> tuple[_Suspect, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 
 import numpy as np
 import pyarrow as pa
@@ -82,15 +83,18 @@ def first_form(cells: Iterable[str]) -> str | None:
 def form_of_all(cells: Sequence[str], most: float) -> str | None:
     """The format in which at least a fraction `most` of the cells are times, None if there is none.
 
-    Dates with slashes are American unless their numbers contradict this.
+    Dates with slashes are American unless their numbers contradict this: in more cells than go back
+    in time if the day comes first, so that a damaged cell does not date all others anew.
     """
     form = first_form(cells)
     if form is None:
         return None
     ways = [form, *(form.replace(a, b) for a, b in _OTHER_DAY.items() if a in form)]
-    fitting = [sum(_moment(cell, way) is not None for cell in cells) for way in ways]
-    best = max(fitting)
-    return ways[fitting.index(best)] if best >= most * len(cells) else None
+    found = [[at for cell in cells if (at := _moment(cell, way)) is not None] for way in ways]
+    back = [sum(a > b for a, b in pairwise(map(_without_zone, times))) for times in found]
+    fitting = [len(times) - late for times, late in zip(found, back, strict=True)]
+    best = fitting.index(max(fitting))
+    return ways[best] if len(found[best]) >= most * len(cells) else None
 
 
 def _moment(cell: str, form: str) -> datetime | None:

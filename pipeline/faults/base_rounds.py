@@ -97,8 +97,7 @@ def _square(case: Case, rows: pd.DataFrame, rounds: list[Round]) -> float:
         R, t = one.pose()
         placed += np.interp(rows["since"].to_numpy(), begun, mine)[:, None] * (seen @ R.T + t)
     off = pd.DataFrame(moved_onto(placed, expected) - expected)
-    off = off.groupby(rows["pose"].to_numpy(int)).mean()
-    return float(np.sum(off.to_numpy() ** 2))
+    return float(np.sum(off.groupby(rows["pose"].to_numpy(int)).mean().to_numpy() ** 2))
 
 
 def carried(case: Case) -> list[Mistake]:

@@ -448,8 +448,7 @@ class Rows(Locked):
 
     def _white(self, s: float) -> tuple[Array, Array, Array]:
         W = linear.whitening(self.noise + s**2 * self.model)
-        X = (W @ self.X).reshape(-1, self.X.shape[-1])
-        return W, X, (W @ self.y[..., None]).ravel()
+        return W, (W @ self.X).reshape(-1, self.X.shape[-1]), (W @ self.y[..., None]).ravel()
 
     def solved(self, s: float) -> tuple[Array, Array]:
         """Free parameters for errors of the model of size s, and their covariance."""

@@ -265,12 +265,17 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row, least = rows_of(asked.case, asked.reduced.data, moved.pull), moved.least
 
-    def left(one: tuple[OrderFit, list[Ring]]) -> int:
-        """Number of pulls whose force does not fit, except those left without one."""
-        wrong = np.diag(one[0].cost[ordering(one[1], len(moved.force))]) > least
-        return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
+    def left(one: tuple[OrderFit, list[Ring]]) -> tuple[int, int]:
+        """Number of pulls whose force does not fit, except those left without one; then of moves.
 
-    for fit, found in sorted(_orders(moved, given, least, row), key=left):
+        A run that is off by one is a single move.
+        """
+        wrong = np.diag(one[0].cost[ordering(one[1], len(moved.force))]) > least
+        without = sum(wrong[ring.members[0]] for ring in one[1] if ring.ended)
+        return int(wrong.sum() - without), sum(1 if r.by_one else len(r.moves) for r in one[1])
+
+    every = ((_fitting(moved, one, least), one) for one in _orders(moved, given, least, row) if one)
+    for fit, found in sorted(((fit, one) for fit, one in every if fit), key=left):
         moves = row[[k for ring in found for k in ring.members]]
         pose = asked.reduced.data.pulls.pose[moved.pull]
         happens = partial(_happens, pose=pose, most=bool(2 * len(moves) > np.ptp(moves) + 1))
@@ -280,25 +285,38 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]
     return []
 
 
-def _orders(
-    moved: PullMoves, given: OrderFit, least: float, row: Ints
-) -> Iterator[tuple[OrderFit, list[Ring]]]:
-    """Possible orders of the column of forces that fit, the simplest first."""
-    count = len(moved.force)
-    few = rings(given.cost, least, least)
-    if few and _all_fit(moved, few, least):
-        yield ordered(moved, ordering(few, count)), few
+def _orders(moved: PullMoves, given: OrderFit, least: float, row: Ints) -> Iterator[list[Ring]]:
+    """Possible moves in the column of forces, the simplest first; some may be none."""
+    yield rings(given.cost, least, least)
     at = np.argsort(row)  # pulls in the order of the log
-    wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
-    first = int(wrong.min(initial=count))
-    since = [k for k in (first, first - 1) if 0 < k <= count - LEAST_SHIFTED]  # or from some row on
-    for begin, step, ended in product((0, *since), (1, -1), (False, True)):
-        ring = shift(at[begin:], step, ended)
-        if _all_fit(moved, [ring], least):
-            yield ordered(moved, ordering([ring], count)), [ring]
-    found = _sorted(moved, least)
-    if found is not None:
-        yield found
+    for step, ended in product((1, -1), (False, True)):
+        for begin in dict.fromkeys((0, *_since(moved, at, step))):
+            yield [shift(at[begin:], step, ended)]
+    yield _sorted(moved, least)
+
+
+def _since(moved: PullMoves, at: Ints, step: int) -> set[int]:
+    """Rows from which on the forces may be off by one, by compliances of all rows and of all later.
+
+    Args:
+        moved: The pulls.
+        at: Pulls in the order of the log, shape (m,).
+        step: Direction in which each force belongs, 1 or -1.
+    """
+    some, found = moved.only(at), set[int]()
+    late, last = np.roll(some.force, step), len(at) - LEAST_SHIFTED
+    for force in (some.force, late):
+        for _ in range(_ROUNDS):
+            due = some.due(some.solved(force))[0]
+            off, other = (np.minimum(np.abs(due / one - 1), 1.0) for one in (some.force, late))
+            own = off if step == 1 else off - other  # nothing belongs in the first of these places
+            begin = int(np.argmin((np.cumsum(off - other) - own)[: last + 1]))
+            new = np.where(np.arange(len(at)) < begin, some.force, late)
+            if (new == force).all():
+                break
+            force = new
+        found.add(begin)
+    return found
 
 
 def ordering(found: Sequence[Ring], count: int) -> Ints:
@@ -309,14 +327,13 @@ def ordering(found: Sequence[Ring], count: int) -> Ints:
     return order
 
 
-def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
-    """Whether everything that is moved fits in its new place, with re-estimated compliances."""
-    order = ordering(found, len(moved.force))
-    fit = ordered(moved, order)
+def _fitting(moved: PullMoves, found: Sequence[Ring], least: float) -> OrderFit | None:
+    """The fit with re-estimated compliances; None if anything does not fit where it is moved."""
+    fit = ordered(moved, ordering(found, len(moved.force)))
     here, there = np.concatenate([ring.moves for ring in found]).T
     after, before = fit.cost[here, there], fit.cost[here, here]
     fits = bool((after <= least).all() and (before - after).mean() > least)
-    return fits and fit.model < USUAL_MISFIT
+    return fit if fits and fit.model < USUAL_MISFIT else None
 
 
 USUAL_MISFIT = 0.1
@@ -324,7 +341,7 @@ USUAL_MISFIT = 0.1
 right [1]: friction, clearance and transmission errors are below."""
 
 
-def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | None:
+def _sorted(moved: PullMoves, least: float) -> list[Ring]:
     """A column in any order, starting from typical stiffnesses."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
@@ -336,10 +353,7 @@ def _sorted(moved: PullMoves, least: float) -> tuple[OrderFit, list[Ring]] | Non
         if (new == order).all():
             break
         order, x = new, moved.solved(moved.force[new])
-    fit = ordered(moved, order)
-    found = rings(fit.cost, least, least)
-    fine = bool(found) and _all_fit(moved, found, least)
-    return (ordered(moved, ordering(found, count)), found) if fine else None
+    return rings(ordered(moved, order).cost, least, least)
 
 
 def _happens(ring: Ring, pose: Ints, most: bool) -> bool:

@@ -72,8 +72,7 @@ class Screening:
         causes = self.cell.effects[len(self.case.cell.effects) :]
         if not causes or not self.suspects:
             return None
-        values = self._exact[1].value
-        return of_laws(self.cell, self.reduced.data, values, causes, self.suspects)
+        return of_laws(self.cell, self.reduced.data, self._exact[1].value, causes, self.suspects)
 
     def widened(self, system: System) -> System:
         """A system of the same rows with the laws of the causes uncertain by their tolerance."""

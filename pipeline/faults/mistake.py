@@ -212,8 +212,7 @@ def without_pulls(case: Case, pulls: Collection[tuple[int, int]]) -> Case:
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:
     """Lines of the readings of some targets of a group: `file:line`."""
     rows = case.readings
-    rows = rows[(rows["group"] == group) & rows["target"].isin(targets)]
-    return lines_of(rows)
+    return lines_of(rows[(rows["group"] == group) & rows["target"].isin(targets)])
 
 
 _FAR = 1000.0

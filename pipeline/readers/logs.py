@@ -130,8 +130,7 @@ def pose_and_repeat(tag: str) -> tuple[int, int] | None:
     """The numbers of pose and pull that a name begins with; None if it does not."""
     if (found := _TAG.fullmatch(tag.strip())) is None:
         return None
-    pose = coded(found["pose"] + found["letters"]) or int(found["pose"])
-    return pose, int(found["repeat"])
+    return coded(found["pose"] + found["letters"]) or int(found["pose"]), int(found["repeat"])
 
 
 def _numbered(log: Log) -> Log:

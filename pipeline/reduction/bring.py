@@ -114,8 +114,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = inline) -> Reduced:
     Raises:
         InputError: A pose has more displacements than are computed together.
     """
-    alone = keep is conformed and step is inline
-    return _brought(case) if alone else _bring(case, keep, step)
+    return _brought(case) if keep is conformed and step is inline else _bring(case, keep, step)
 
 
 @lru_cache(maxsize=2)

@@ -360,8 +360,7 @@ def _in_poses(data: Measured, robot: Robot, effector: Tool, stated: Instrument) 
         if own is None:
             return position
         one = np.trace(loaded, axis1=1, axis2=2).mean()
-        fewer = np.trace(position, axis1=1, axis2=2) / one
-        return np.asarray(fewer[:, None, None] * own)
+        return np.asarray((np.trace(position, axis1=1, axis2=2) / one)[:, None, None] * own)
 
     kind = np.tile([0, 1], len(pull))
     which = np.unique(data.pulls.pose[pull], return_inverse=True)[1]

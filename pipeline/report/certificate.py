@@ -159,8 +159,7 @@ def _cut(text: str) -> str:
 def _listed(causes: Sequence[Cause]) -> str:
     """The first `_MOST_CAUSES` causes, and the number of further ones."""
     more = len(causes) - _MOST_CAUSES
-    rest = [f"{more} more"] if more > 0 else []
-    return "; ".join([*map(_cause, causes[:_MOST_CAUSES]), *rest])
+    return "; ".join([*map(_cause, causes[:_MOST_CAUSES]), *[f"{more} more"] * (more > 0)])
 
 
 def _cause(one: Cause) -> str:

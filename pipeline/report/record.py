@@ -302,8 +302,7 @@ class Report:
     @property
     def worst(self) -> str:
         """The worse of the tones of verdict and tolerance, so that no colour is too optimistic."""
-        tones = (self.tone, *([self.judged.tone] if self.judged else []))
-        return max(tones, key=_TONES.index)
+        return max((self.tone, *([self.judged.tone] if self.judged else [])), key=_TONES.index)
 
     @property
     def figures(self) -> tuple[Figure, ...]:

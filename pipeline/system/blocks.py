@@ -100,8 +100,7 @@ class Blocks(Locked):
     @property
     def members(self) -> list[Ints]:
         """Indices of the rows of each block, in their original order."""
-        order = np.argsort(self.index, kind="stable")
-        return np.split(order, np.cumsum(self.count)[:-1])
+        return np.split(np.argsort(self.index, kind="stable"), np.cumsum(self.count)[:-1])
 
     def padded(self, rows: npt.NDArray[_T]) -> npt.NDArray[_T]:
         """Rows (M, ...) by block, padded with zeros, shape (p, s, ...)."""

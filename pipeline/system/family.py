@@ -187,8 +187,7 @@ class Family(Locked):
     @property
     def rather(self) -> Family:
         """This family if heavier tails are more likely than not, else the stated one."""
-        stated = np.eye(len(self.weight))[0]
-        return self if self.likely_heavy else replace(self, weight=stated)
+        return self if self.likely_heavy else replace(self, weight=np.eye(len(self.weight))[0])
 
     @property
     def freedom(self) -> float:
@@ -498,8 +497,7 @@ def _blunders(log_scale: Array) -> Array:
     """Probability of each log lambda of mistakes in each range of `_REACH`, shape (w, f, K)."""
     above = _GRID - _least(log_scale)[:, None]
     reach = np.array(_REACH)[:, None, None]
-    inside = (above > -0.5 * _STEP) & (above < reach - 0.5 * _STEP)
-    return np.asarray(inside * _STEP / reach)
+    return np.asarray(((above > -0.5 * _STEP) & (above < reach - 0.5 * _STEP)) * _STEP / reach)
 
 
 def _odd(seen: Array) -> Iterator[Array]:

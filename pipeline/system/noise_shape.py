@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Locked
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.machine.effect import Pulls
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import ErrorBlock, inputs, with_readings
@@ -254,7 +255,7 @@ def _tails(
     start = variance
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
-        states, targets = States.each(readings.state[good]), readings.targets(data)[good]
+        states, targets = _in_time(readings.state[good], data.pulls), readings.targets(data)[good]
         told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
         first = found if turn else told
         found = replace(
@@ -278,6 +279,14 @@ def _tails(
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
     return readings, found, variance, beyond
+
+
+def _in_time(keys: Ints, pulls: Pulls) -> States:
+    """States of readings with these keys (n, 2), poses in the order of their first pull."""
+    first = np.lexsort((pulls.pose, pulls.time))
+    poses, at = np.unique(pulls.pose[first], return_index=True)
+    before = np.isin(poses, pulls.pose[pulls.zeros_after == 0])
+    return States.each(keys, poses[np.argsort(at)], poses[~before])
 
 
 def _overstated(beyond: RowsByPose) -> float:

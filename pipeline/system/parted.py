@@ -62,8 +62,7 @@ class _PartProducts(Locked):
             FZ.append(np.swapaxes(F, 1, 2) @ Z)
             FF.append(np.swapaxes(F, 1, 2) @ F)
         inverse = np.einsum("pii->pi", white.inverse)
-        log_det = 2 * float(np.log(size).sum() - np.log(inverse).sum())
-        return cls(len(rows), log_det, ZZ, FZ, FF)
+        return cls(len(rows), 2 * float(np.log(size).sum() - np.log(inverse).sum()), ZZ, FZ, FF)
 
 
 @dataclass(frozen=True, eq=False)

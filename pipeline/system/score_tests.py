@@ -163,8 +163,7 @@ class Base(Locked):
         blocks = Blocks.of(np.zeros(len(y), np.int64) if key is None else key)
         Q = _spans(blocks, X) if own else blocks.padded(linear.orthonormal(X))
         rank = np.sum(np.abs(Q).max(axis=1, initial=0.0) > 0) if own else Q.shape[2]
-        empty = cls(blocks, Q, own, np.zeros(blocks.shape), len(y) - int(rank))
-        return empty.against(y)
+        return cls(blocks, Q, own, np.zeros(blocks.shape), len(y) - int(rank)).against(y)
 
     @classmethod
     def spanned(cls, Q: Array, y: Array, key: Ints) -> Base:

@@ -1,14 +1,18 @@
-"""Spells of noise: successive states of a pose, in which every reading is wider than elsewhere.
+"""Spells of noise: successive states of a campaign, in which every reading is wider than elsewhere.
 
-A pose has states, its zeros and then its pulls in the order of time, each with some readings. With
-probability u it is in a spell, which covers any two or more successive states, all such spans alike
-(a pose of one state: that one). With g_s the log likelihood ratio of the readings of state s, noisy
-over quiet,
+A pose has states: its zeros, its pulls and, where they were read again, its zeros once more. In the
+order of time those of all poses are a Markov chain that is quiet (Q), in the first state of a spell
+(F) or in a later one (N). With u the fraction of the poses in which a spell begins, n the number of
+states per pose, e = u / n and g_s the log likelihood ratio of the readings of s, noisy over quiet,
 
-    L / L_quiet = 1 - u + u mean_{a < b} exp(g_a + ... + g_b).
+                         Q    F    N
+    L / L_quiet   Q  [ 1 - e  e    0 ]
+    = product of  F  [   0    0    1 ] diag(1, exp g_s, exp g_s),  from Q to Q or N,
+                  N  [ 1 - l  0    l ]
 
-Vibration, the sun on a reflector or a draught last for minutes: one bad reading among quiet ones is
-no spell, however far off it is.
+and zeros that are read before and after the pulls have half of their g in either state. Vibration,
+the sun on a reflector or a draught last for minutes, whatever the pose: one bad reading among quiet
+ones is no spell, however far off it is.
 """
 
 from __future__ import annotations
@@ -19,32 +23,44 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
-_LEAST = 2
-"""Minimum number of states in a spell [1]: a minute or more, as a state takes half of one."""
+_LASTS = 0.75
+"""Probability l that a spell of two or more states lasts for another one [1]: five on average, of
+one to two minutes each."""
 
 
 @dataclass(frozen=True, eq=False)
 class States(Locked):
-    """The states of the poses, by pose, in the order of time.
+    """The states of the poses, by pose and pull.
 
     Attributes:
         key: Pose, and number of the pull in it or -1 for its zeros, of each state, shape (t, 2).
         pose: Index of its pose, shape (t,).
-        nth: Its place in its pose, shape (t,).
+        turns: State of each step of the chain, in the order of time, shape (s,).
         of: State of each reading, shape (n,).
     """
 
     key: Ints
     pose: Ints
-    nth: Ints
+    turns: Ints
     of: Ints
 
     @classmethod
-    def each(cls, keys: Ints) -> States:
-        """States of readings with these keys, shape (n, 2)."""
+    def each(cls, keys: Ints, poses: Ints | None = None, again: Ints | None = None) -> States:
+        """States of readings with these keys, shape (n, 2).
+
+        Args:
+            keys: Pose and pull of each.
+            poses: The poses in the order of time; ascending when not given.
+            again: Those whose zeros were read after the last pull, too.
+        """
         key, of = np.unique(keys, axis=0, return_inverse=True)
-        first, index = np.unique(key[:, 0], return_index=True, return_inverse=True)[1:]
-        return cls(key, index, np.arange(len(key)) - first[index], of.reshape(-1))
+        names, pose = np.unique(key[:, 0], return_inverse=True)
+        order = names if poses is None else poses[np.isin(poses, names)]
+        rank = np.argsort(order)[pose]
+        last = np.flatnonzero((key[:, 1] < 0) & np.isin(key[:, 0], [] if again is None else again))
+        nth = np.append(key[:, 1], np.full(len(last), key[:, 1].max(initial=0) + 1))
+        every = np.append(np.arange(len(key)), last)
+        return cls(key, pose, every[np.lexsort((nth, rank[every]))], of.reshape(-1))
 
     @classmethod
     def none(cls) -> States:
@@ -57,42 +73,50 @@ class States(Locked):
         return np.asarray((self.key[:, None, :] == keys).all(axis=2))
 
     def ratio(self, gains: Array, share: Array) -> Array:
-        """Sum of ln(L / L_quiet) over the poses, shape (...).
+        """ln(L / L_quiet) of the chain, shape (...).
 
         Args:
             gains: g of each reading, shape (..., n).
             share: u, shape (...).
         """
-        return np.asarray(self._spells(gains, share)[1].sum(axis=-1))
+        M, logs = self._steps(gains, share)
+        if not len(self.turns):
+            return logs
+        while M.shape[-3] > 1:  # neighbours are multiplied: as many turns as the length has bits
+            whole = M.shape[-3] // 2 * 2
+            pairs = M[..., :whole:2, :, :] @ M[..., 1:whole:2, :, :]
+            top = pairs.max(axis=(-1, -2), keepdims=True)
+            logs = logs + np.log(top[..., 0, 0]).sum(axis=-1)
+            M = np.concatenate([pairs / top, M[..., whole:, :, :]], axis=-3)
+        return np.asarray(logs + np.log(M[..., 0, 0, 0] + M[..., 0, 0, 2]))
 
     def noisy(self, gains: Array, share: Array) -> Array:
         """Probability that each state is in a spell, arguments as for `ratio`, shape (..., t)."""
-        spells, whole = self._spells(gains, share)
-        begun = np.zeros((*whole.shape, len(spells) + 1))
-        for length, each in enumerate(spells, 1):
-            p = np.exp(each - whole[..., None])
-            begun[..., :-length] += p
-            begun[..., length:] -= p
-        return np.asarray(np.cumsum(begun, axis=-1)[..., self.pose, self.nth])
+        M = self._steps(gains, share)[0]
+        steps, ends = range(len(self.turns)), np.array([1.0, 0.0, 1.0])
+        ahead, back = np.zeros((2, len(steps), *M.shape[:-3], 3))
+        now, then = np.eye(3)[0], ends
+        for t in steps:
+            now = np.einsum("...i,...ij->...j", now, M[..., t, :, :])
+            ahead[t] = now = now / now.sum(axis=-1, keepdims=True)
+        for t in reversed(steps):
+            back[t] = then = then / np.max(then, axis=-1, keepdims=True)
+            then = np.einsum("...ij,...j->...i", M[..., t, :, :], then)
+        each = ahead * back
+        quiet = np.ones((len(self.key), *M.shape[:-3]))
+        np.multiply.at(quiet, self.turns, each[..., 0] / each.sum(axis=-1))
+        return np.asarray(1 - np.moveaxis(quiet, 0, -1))
 
-    def _spells(self, gains: Array, share: Array) -> tuple[list[Array], Array]:
-        """Log likelihood ratios, with their priors, of every spell and of each pose (..., p).
-
-        Those of spells of 1, 2, ... q states by their first one, shape (..., p, q + 1 - length).
-        """
-        count = np.bincount(self.pose)
-        q, u = int(count.max(initial=0)), np.asarray(share)[..., None]
-        own = np.zeros((*gains.shape[:-1], len(count), q + 1))
+    def _steps(self, gains: Array, share: Array) -> tuple[Array, Array]:
+        """Matrix of each step of the chain (..., s, 3, 3), and the sum of the logs taken out."""
         order = np.argsort(self.of, kind="stable")
         first = np.searchsorted(self.of[order], np.arange(len(self.key)))
-        own[..., self.pose, self.nth + 1] = np.add.reduceat(gains[..., order], first, axis=-1)
-        before = np.cumsum(own, axis=-1)
-        prior = np.log(u) - np.log(np.maximum(count * (count - 1) // 2, 1))
-        spells, whole = [], np.log1p(-u) + np.zeros(own.shape[:-1])
-        for length in range(1, q + 1):
-            fits = np.arange(length, q + 1) <= count[:, None]
-            fits &= (length >= np.minimum(_LEAST, count))[:, None]
-            each = before[..., length:] - before[..., : q + 1 - length] + prior[..., None]
-            spells.append(np.where(fits, each, -np.inf))
-            whole = np.logaddexp(whole, np.logaddexp.reduce(spells[-1], axis=-1))
-        return spells, whole
+        own = np.add.reduceat(gains[..., order], first, axis=-1) / np.bincount(self.turns)
+        g = own[..., self.turns]
+        begins = np.asarray(share) * len(np.unique(self.pose)) / max(len(self.turns), 1)
+        moves = np.zeros((*begins.shape, 3, 3))
+        moves[..., 0, 0], moves[..., 0, 1], moves[..., 1, 2] = 1 - begins, begins, 1.0
+        moves[..., 2, 0], moves[..., 2, 2] = 1 - _LASTS, _LASTS
+        top = np.maximum(g, 0.0)
+        seen = np.exp(np.stack([-top, g - top, g - top], axis=-1))
+        return moves[..., None, :, :] * seen[..., None, :], np.asarray(top.sum(axis=-1))

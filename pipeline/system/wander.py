@@ -223,8 +223,7 @@ def _each_felt(data: Measured, ways: Sequence[Array], factors: Array) -> tuple[l
 def _every_way(data: Measured, ways: Sequence[Array], share: Array, factors: Array) -> Array:
     """Factor of a wander with these shares of variance by way and time, shape (d, 3, k)."""
     whole = (_together(data, one, factors) for one in share)
-    each = [_shifted(data, *one) for one in zip(ways, whole, strict=True)]
-    return np.concatenate(each, axis=2)
+    return np.concatenate([_shifted(data, *one) for one in zip(ways, whole, strict=True)], axis=2)
 
 
 def _ways(data: Measured) -> list[Array]:

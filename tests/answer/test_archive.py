@@ -449,9 +449,9 @@ def test_wear_is_said_by_the_newest_report_and_on_the_terminal(project, tmp_path
     said = capsys.readouterr().err
     written = contents(root)
 
-    assert re.fullmatch(r"kr500_rail, serial number 4711: k_theta3.* softer by .*\n", said)
+    assert re.fullmatch(r"kr500_rail.*, serial number 4711: A2 \(k_theta3\).* softer by .*\n", said)
     assert " softer by" in page.read_text("utf-8")
-    assert "inspect k_theta3" in page.read_text("utf-8")
+    assert "inspect A2" in page.read_text("utf-8")
     newest, earlier = (
         (root / "reports" / name / "index.html").read_text("utf-8") for name in ("autumn", "spring")
     )

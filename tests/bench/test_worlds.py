@@ -475,7 +475,7 @@ def remembering(joint, part, minutes):
 
 @pytest.mark.slow
 def test_a_joint_that_remembers_its_loads_is_none_of_the_catalogue():
-    """Friction of that joint fits, too: something without a name is likelier, and that is said."""
+    """Friction of that joint fits best, but predicts no better: no known cause is accepted."""
     world = WORLDS["memory"]
     plan = world.plan(KR500, SEED)
     cell = build(KR500, plan, world.rules, SEED, (remembering(2, 0.15, 10.0),))
@@ -484,4 +484,5 @@ def test_a_joint_that_remembers_its_loads_is_none_of_the_catalogue():
     said = asked(run._files(cell, world, record, 1.0)).answer["diagnosis"]
 
     assert said["verdict"] == "unexplained"
-    assert "outside_catalogue" in said["reasons"]
+    assert said["causes"] == []
+    assert "no known cause explains it" in said["why"]

@@ -304,7 +304,7 @@ def test_a_load_at_the_place_of_a_reflector_is_doubted(said, good, copied, onto)
 
 @pytest.mark.slow
 def test_what_check_says_of_a_point_run_says_too():
-    """P3 of the demo off by 8 mm: one sentence with its line in both, also on the first screen."""
+    """P3 of the demo off by 8 mm: check names the line, run the error, on the first screen."""
     folder = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
     files = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
     text = files["campaign.toml"].decode().replace("P3 = [-0.1, -0.18,", "P3 = [-0.1, -0.188,")
@@ -312,9 +312,10 @@ def test_what_check_says_of_a_point_run_says_too():
     (wrong,) = wrong_lines(raw)
     answer = campaign_answer("demo", raw).answer
 
-    assert "P3 in [tool] is 8.0" in wrong.sentence
-    assert f"{wrong.sentence}." in answer.findings
-    assert f"{wrong.sentence}." in answer.verdict_sentence
+    assert "campaign.toml:33: P3 in [tool] is 8.0" in wrong.sentence
+    assert "P3 is 8.0" in answer.verdict_sentence[0]
+    assert "its place in [tool]" in answer.verdict_sentence[0]
+    assert answer.diagnosis.verdict == "bad_data"
     assert not [
         line for line in answer.verdict_sentence if line.startswith("Nothing detectable in")
     ]

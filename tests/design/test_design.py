@@ -544,7 +544,7 @@ def test_all_limits_together_are_kept():
 @pytest.mark.xdist_group("design")
 def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
     """Curves: 1/sqrt(n) exactly, NaN where n cannot be shared, poses anew below poses kept."""
-    sizes = by_size(reference, [3, 4], [3, 6, 12], 1, QUICK)
+    sizes = by_size(reference, [3, 4], [3, 6, 12], 1)
     places = np.linspace(2.0, 5.0, 3)
     anchors = by_anchor(reference, proposal.plan, places, 1, starts=2)
 

@@ -55,3 +55,11 @@ def test_a_clock_that_was_never_set_gives_no_time():
     times, _ = moments(pa.array(["0001-01-01T00:00:00", "2026-11-03T08:30:00"]), "ISO 8601")
 
     assert times.to_pylist() == [None, HALF_PAST]
+
+
+def test_a_damaged_date_does_not_date_all_others_anew():
+    """A day above 12 settles the order of day and month only if the clock then runs forward."""
+    day = [f"11/03/26 08:{minute:02d}:00" for minute in range(20)]
+    damaged = [*day[:9], "31/03/26 08:09:00", *day[10:]]
+    assert form_of_all(damaged, 0.9) == "%m/%d/%y %H:%M:%S"
+    assert form_of_all([*day, "13/03/26 09:00:00"], 0.9) == "%d/%m/%y %H:%M:%S"

@@ -252,7 +252,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     assert (seen.exit_code, seen.content["coordinates"]) == (0, "spherical")
     told = [one.partition(":")[0] for one in seen.content["settled"]]
     assert told == ["coordinates spherical", "unit mm"]
-    assert "settled      coordinates spherical: so reflectors are 0.04 mm off [tool]" in seen.text
+    assert "settled      coordinates spherical: so reflectors are 0.040 mm off [tool]" in seen.text
     (note,) = [one for one in checked.content["notes"] if "with unit mm" in one]
     assert note.startswith("tracker.txt was read with unit mm: so reflectors")
 

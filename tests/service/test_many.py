@@ -1,5 +1,6 @@
 """Several campaigns at a time: the answers of one after another, whoever computes them."""
 
+import contextlib
 import errno
 import json
 import os
@@ -297,8 +298,9 @@ def working(process, root):
     locks = {str(folder / ".lock") for folder in (root / "data" / "processed").glob("*")}
     while process.poll() is None:
         for pid in children(process.pid):
-            if locks & {os.path.realpath(fd) for fd in Path(f"/proc/{pid}/fd").iterdir()}:
-                return pid
+            with contextlib.suppress(FileNotFoundError):  # a file is closed while it is listed
+                if locks & {os.path.realpath(fd) for fd in Path(f"/proc/{pid}/fd").iterdir()}:
+                    return pid
         time.sleep(0.02)
     raise AssertionError("it ended before anybody was seen at work")
 
@@ -348,8 +350,13 @@ def test_a_worker_that_is_killed_costs_nothing(at_work):
 
     assert (process.returncode, err) == (0, b"")
     said = [json.loads(line) for line in out.splitlines()]
-    assert sorted(one.pop("campaign") for one in said) == NAMES
-    assert all(one == said[0] for one in said)
+    names = [one.pop("campaign") for one in said]
+    assert sorted(names) == NAMES
+    rest = [
+        json.dumps(one).replace(f"compensate {name} ", "compensate NAME ")
+        for name, one in zip(names, said, strict=True)
+    ]
+    assert set(rest) == {rest[0]}
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Noise, Observation, Wrench
 from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.tracker_drift import WARM_UP_H
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
 from pipeline.readers import writers
@@ -356,13 +357,15 @@ def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_
     cell = paper_cell(ROBOT, TOOL).with_effects(effect)
     known = predict(cell, data.pulls, np.concatenate([1 / TABLE_III, values]))
     ignored = predict(paper_cell(ROBOT, TOOL), data.pulls, 1 / TABLE_III)
-    drifts = effect.name == "tracker_drift"
+    drifts, hours = effect.name == "tracker_drift", WARM_UP_H.get(effect.form, 1.0)
     overlooked = max(
         miss(ignored.displacement, data, data.delta), miss(ignored.unloaded, data, data.unloaded)
     )
 
-    # the model assigns one time to a pull; the registration follows a drift half-way
-    assert miss(known.displacement, data, data.delta) < (2e-7 if drifts else 1e-12)
+    # the model assigns one time to a pull; the registration follows a drift half-way, up to a part
+    # that grows with its curvature
+    curved = 2e-7 * max(1.0, hours**-2)
+    assert miss(known.displacement, data, data.delta) < (curved if drifts else 1e-12)
     assert drifts or miss(known.unloaded, data, data.unloaded) < 1e-12
     assert isinstance(effect, Noise) or overlooked > 3e-7
 

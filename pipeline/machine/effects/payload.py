@@ -25,8 +25,7 @@ def effects(pulls: Pulls) -> tuple[Effect, ...]:
     mounted = pulls.by == MOUNTED
     names = sorted({*pulls.body[mounted].tolist()})
     told = len(names) > 1 or not mounted.all()
-    masses = [_mass(name) for name in names if told]
-    return (*masses, *(_centre(name) for name in names))
+    return (*[_mass(name) for name in names if told], *(_centre(name) for name in names))
 
 
 def _mass(name: str) -> Effect:

@@ -544,8 +544,7 @@ def _slips(robot: Robot, law: Law, joint: int) -> Effect:
             robot.joints[joint - 1].compliance_unit,
             2 * _PART * compliance(robot, joint),
         )
-    described = _said(law, "joint", 1, unit, typical)
-    return Elastic(**described, carrier=(joint,), response=response)  # type: ignore[arg-type]
+    return Elastic(**_said(law, "joint", 1, unit, typical), carrier=(joint,), response=response)  # type: ignore[arg-type]
 
 
 def _stays(pulls: Pulls, slip: Array) -> Array:
@@ -703,8 +702,7 @@ def _of_tracker(law: Law) -> Effect:
         g = (np.maximum(np.nan_to_num(time), 0.0) / law.high) ** law.order
         return points + g[:, None, None] * values
 
-    described = _said(law, "metrology", 3, "m", 5e-5)
-    return Observation(**described, observe=observe, instrument=True)  # type: ignore[arg-type]
+    return Observation(**_said(law, "metrology", 3, "m", 5e-5), observe=observe, instrument=True)  # type: ignore[arg-type]
 
 
 # functions of the variable
