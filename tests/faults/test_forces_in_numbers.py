@@ -118,16 +118,19 @@ def test_forces_in_other_rows_are_put_back(true):
     moved = replace(EXACT, force=logged)
     given = ordered(moved, np.arange(24))
     least = moved.least
-    found = [exchanged_pulls.ordering(several, 24) for _, several in
-             exchanged_pulls._orders(moved, given, least, np.arange(24))]  # fmt: skip
+    found = [exchanged_pulls.ordering(several, 24) for several in fitting(moved, given, least)]
     right = np.arange(24)
     for here, there in true.items():
         right[there] = here
     assert any((order == right).all() for order in found)
     np.testing.assert_allclose(moved.force[right], EXACT.force)
-    assert not [
-        *exchanged_pulls._orders(EXACT, ordered(EXACT, np.arange(24)), least, np.arange(24))
-    ]
+    assert not fitting(EXACT, ordered(EXACT, np.arange(24)), least)
+
+
+def fitting(moved, given, least):
+    """Moves after which everything fits that is moved."""
+    every = exchanged_pulls._orders(moved, given, least, np.arange(24))
+    return [one for one in every if one and exchanged_pulls._fitting(moved, one, least)]
 
 
 def test_an_exchange_has_to_change_a_force_and_be_wrong_at_both_ends():
