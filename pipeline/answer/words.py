@@ -918,8 +918,7 @@ def worst_known(stiffness: Sequence[Stiffness]) -> Stiffness | None:
     """The first without a value, else the one with the largest relative uncertainty."""
     lost = [joint for joint in stiffness if joint.value is None]
     known = [joint for joint in stiffness if joint.relative_std is not None]
-    worst = max(known, key=lambda one: one.relative_std or 0.0, default=None)
-    return next(iter(lost), worst)
+    return next(iter(lost), max(known, key=lambda one: one.relative_std or 0.0, default=None))
 
 
 def at_axis(value: float, unit: str) -> str:

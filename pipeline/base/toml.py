@@ -217,8 +217,7 @@ def _entries(text: str) -> Iterator[tuple[int, list[str | int], str]]:
 
 def _blank(found: re.Match[str]) -> str:
     """A one-line string unchanged; of other strings and comments only the line ends."""
-    several = found[0].startswith(('"""', "'''", "#"))
-    return "\n" * found[0].count("\n") if several else found[0]
+    return "\n" * found[0].count("\n") if found[0].startswith(('"""', "'''", "#")) else found[0]
 
 
 def _parts(key: str) -> list[str]:

@@ -25,8 +25,7 @@ def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
 
     NaN for a suspect that is part of the base.
     """
-    times = visible(view.M, base, view.at, p)
-    return np.where(np.isin(view.at, base).any(axis=1), np.nan, times)
+    return np.where(np.isin(view.at, base).any(axis=1), np.nan, visible(view.M, base, view.at, p))
 
 
 def visible(M: Array, base: Ints, at: Ints, p: float) -> Array:

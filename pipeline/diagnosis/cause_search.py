@@ -288,8 +288,7 @@ def remainder(view: Whitened) -> float | None:
         return None
     base = view.base
     rest = float(eliminate(view.M, base)[-1, -1]) / view.dof(base)
-    noise = max(view.scatter / view.scatter_dof, ROUNDING)
-    return float(np.sqrt(max(rest, ROUNDING) / noise))
+    return float(np.sqrt(max(rest, ROUNDING) / max(view.scatter / view.scatter_dof, ROUNDING)))
 
 
 def search(task: SearchTask, start: Array, rng: np.random.Generator) -> SearchResult:

@@ -352,8 +352,7 @@ def search_task(
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
     plain = SearchTask(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
-    start = plain.model((), estimate.value)
-    seen = plain.linearised(start)
+    seen = plain.linearised(plain.model((), estimate.value))
     system = seen.system
     tracker = _of_pulls(plain, seen, system) if noise is None else noise.left
     spread = scatter(plain.whitened(seen), system, tracker)

@@ -79,6 +79,8 @@ class _Free:
         drop: Reduction by each freed reading alone, by index.
         size: Shift of each [m], by index.
         cost: Thresholds of all hypotheses together, as a chi-square.
+        near: Of each other one of its round, squared error in standard uncertainties, and number
+            of coordinates that the fit does not absorb, by index.
         decided: Whether no other reading would do nearly as well in the place of one of them.
     """
 
@@ -87,6 +89,7 @@ class _Free:
     drop: dict[int, float]
     size: dict[int, float]
     cost: float
+    near: dict[int, tuple[tuple[float, float], ...]]
     decided: bool
 
     @property
@@ -158,7 +161,8 @@ def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistak
         if free.size[k] >= smallest(table, scale):
             sigmas = float(np.sqrt(free.drop[k]))
             others = "the other base reflectors"
-            yield bad_reading(table.iloc[k], others, free.size[k], sigmas, p)
+            found = bad_reading(table.iloc[k], others, free.size[k], sigmas, p)
+            yield replace(found, near=free.near[k])
 
 
 def shifts(registration: Registration, scale: float, which: Ints) -> ScoreTests:
@@ -311,8 +315,11 @@ def _told(
     used = ~np.isin(np.arange(len(table)), [*free])
     if table["target"][used].nunique() < _REFLECTORS:
         return None
-    base = one.base(used)
-    return _Free(base.rest, base.dof, drops, sizes, one.cost + limit * len(free), decided)
+    base, group = one.base(used), table["group"].to_numpy()
+    known = 3 - np.sum(base.Q[0].reshape(-1, 3 * base.Q.shape[2]) ** 2, axis=1)
+    off = [*zip(np.sum(base.left[0].reshape(-1, 3) ** 2, axis=1), known, strict=True)]
+    near = {k: tuple(off[i] for i in np.flatnonzero(group[used] == group[k])) for k in free}
+    return _Free(base.rest, base.dof, drops, sizes, one.cost + limit * len(free), near, decided)
 
 
 _off = lru_cache(maxsize=1)(base_outlier)

@@ -134,8 +134,7 @@ def _towards_another(ends: Array) -> Bools:
     u = ends[:, 1] - ends[:, 0]
     n = np.cross(u[:, None], u)
     off = np.abs(np.sum(apart[:, :, 0] * n, axis=-1))
-    meet = off < GROSS_DISTANCE_M * np.linalg.norm(n, axis=-1)
-    return np.asarray(moved.all(axis=-1) & meet)
+    return np.asarray(moved.all(axis=-1) & (off < GROSS_DISTANCE_M * np.linalg.norm(n, axis=-1)))
 
 
 @dataclass(frozen=True)

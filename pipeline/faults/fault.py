@@ -136,7 +136,7 @@ class Screening:
             return False
         return (
             not one.may_be_noise
-            or self.family.rather.mistaken(one.before**2, one.axes, self._state(one))
+            or self.family.rather.mistaken(one.before**2, one.axes, self._state(one), one.near)
             > _BLUNDER_PROBABILITY
         )
 

@@ -181,8 +181,7 @@ def _linear(read: _TableStand, R: Array, t: Array, off: Array) -> tuple[Array, A
     """Predicted readings, their derivatives (n, 3, 6 + 3 targets), readings minus predictions."""
     at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
     X = np.zeros((len(at), 3, 6 + off.size))
-    lever = at - at[read.zero].mean(axis=0)
-    X[:, :, :3] = linear.turning(lever)
+    X[:, :, :3] = linear.turning(at - at[read.zero].mean(axis=0))
     X[:, :, 3:6] = np.eye(3)
     turned = R @ read.axes
     for k in range(len(off)):

@@ -45,6 +45,8 @@ class Mistake:
         places: Number of places in the pulls that were compared to find it, of which chance alone
             makes one the best; 0 if the pulls are not what shows it.
         entry: Path of the entry of campaign.toml that is wrong; empty if it is none.
+        near: Of a single reading of the base, for each other one of its round: its squared error in
+            standard uncertainties, and the number of coordinates that it tells of.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Mistake:
     alike: str = ""
     places: int = 0
     entry: tuple[str, ...] = ()
+    near: tuple[tuple[float, float], ...] = ()
 
     @property
     def lost(self) -> Mistake:

@@ -141,8 +141,7 @@ def _without_noise(still: pd.DataFrame) -> bool:
     """Whether repeated zeros and base readings are mostly equal."""
     groups = still.groupby(["at", "target"], observed=True)
     more = int((groups.size() - 1).sum())
-    again = still.duplicated(["at", "target", *XYZ]).sum()
-    return more > 0 and again > _SCATTERS * more
+    return more > 0 and still.duplicated(["at", "target", *XYZ]).sum() > _SCATTERS * more
 
 
 def _scatter(rows: pd.DataFrame, still: pd.DataFrame, least: float) -> Array:

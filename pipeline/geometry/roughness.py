@@ -112,8 +112,7 @@ def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
     W = linear.whitening(rows.cov(size))
     D = (W @ rows.D).reshape(-1, rows.D.shape[2])
     y = np.einsum("pij,pj->pi", W, rows.y).ravel()
-    log_det = -2 * np.log(np.einsum("pii->pi", W)).sum()
-    return D.T @ D, D.T @ y, np.asarray(y @ y + log_det)
+    return D.T @ D, D.T @ y, np.asarray(y @ y - 2 * np.log(np.einsum("pii->pi", W)).sum())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -101,8 +101,7 @@ class TypedRows(Locked):
         good = np.ones(len(self.line), dtype=bool)
         good[list(bad)] = False
         lost = tuple((int(self.line[row]), why) for row, why in sorted(bad.items()))
-        kept = self.only(good, "")
-        return self if not bad else replace(kept, rejected=(*self.rejected, *lost))
+        return self if not bad else replace(self.only(good, ""), rejected=(*self.rejected, *lost))
 
     def floats(self, name: str) -> Array:
         """A numeric column, NaN where a cell is empty, shape (n,)."""

@@ -223,8 +223,7 @@ def _beams(data: Measured) -> tuple[Array, Array] | None:
 def _proportion(data: Measured, u: Array) -> float:
     """Range over transverse part as stated, rms over the loaded readings [1]."""
     along = float(np.einsum("di,dij,dj->", u, data.loaded_cov, u))
-    across = (float(np.einsum("dii->", data.loaded_cov)) - along) / 2
-    return float(np.sqrt(along / across))
+    return float(np.sqrt(2 * along / (float(np.einsum("dii->", data.loaded_cov)) - along)))
 
 
 def _times(data: Measured, along: float, across: Array) -> Measured:

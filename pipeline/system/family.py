@@ -18,7 +18,7 @@ lambda, spells and family, so no test switches anything on or off.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from itertools import product
@@ -220,7 +220,13 @@ class Family(Locked):
         usual = float(np.exp(np.mean(np.log(_MISTAKES))))
         return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
-    def mistaken(self, square: float, axes: int = 3, state: tuple[int, int] | None = None) -> float:
+    def mistaken(
+        self,
+        square: float,
+        axes: int = 3,
+        state: tuple[int, int] | None = None,
+        near: Sequence[tuple[float, float]] = (),
+    ) -> float:
         """Probability that a reading this far off is a blunder and not part of this family.
 
         Args:
@@ -228,11 +234,25 @@ class Family(Locked):
                 more, as found.
             axes: Number of coordinates that the square is the sum of.
             state: Its key in `States`; None for a reading of the base.
+            near: Of each other reading of its round of the base its square, and the number of
+                coordinates that the square tells of.
         """
-        seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
-        quiet, wide, odd = (law @ seen for law in self._laws)
+        quiet, wide, odd = self._likely(np.array([[square, axes]]))[:, :, 0]
         noisy = self._noisy(np.array([state or _NO_STATE]))[:, 0]
+        if near:  # a round is of no state: it is in a spell if its own readings say so
+            others = self._likely(np.array(near))
+            gain = np.log((others[1] + others[2]) / (others[0] + others[2])).sum(axis=1)
+            noisy[_SPELL] = special.expit(gain[_SPELL] + special.logit(_SHARES))
         return float(self.weight @ ((1 - noisy) * odd / (odd + quiet) + noisy * odd / (odd + wide)))
+
+    def _likely(self, off: Array) -> Array:
+        """Likelihood outside of spells, in one, and as mistakes, shape (3, f, n).
+
+        Args:
+            off: Squared error of each, and its number of coordinates, shape (n, 2).
+        """
+        spread = off[:, :1] / self.widest * np.exp(-_GRID)
+        return np.stack(self._laws) @ np.exp(-0.5 * (off[:, 1:] * _GRID + spread)).T
 
     def _noisy(self, keys: Ints) -> Array:
         """Probability under each family that readings of these states are in a spell, (f, n)."""

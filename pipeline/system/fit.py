@@ -70,8 +70,7 @@ class Fitted:
     @property
     def used(self) -> float:
         """Noise of the tracker in use over the stated one [1]."""
-        told = self.noise.used and self.noise.replaced[0]
-        return float(self.noise.scale[0]) if told else 1.0
+        return float(self.noise.scale[0]) if self.noise.used and self.noise.replaced[0] else 1.0
 
     def as_noisy(self, data: Measured) -> Measured:
         """Measurements of the same campaign with the size of the noise in use."""

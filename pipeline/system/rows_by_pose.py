@@ -176,5 +176,4 @@ def estimates(base: Base, readings: ReadingsOfRows) -> tuple[Array, Array, Bools
     good = found.rank == 3
     N = np.where(good[:, None, None], found.N, np.eye(3))
     values, R = linear.directions(N)
-    x = np.einsum("nij,ni->nj", R, found.g) / values
-    return x**2, 1 / values, np.asarray(good)
+    return (np.einsum("nij,ni->nj", R, found.g) / values) ** 2, 1 / values, np.asarray(good)

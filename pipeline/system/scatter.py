@@ -81,8 +81,7 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
     """
     errors = system.errors
     typical = np.concatenate([view.typical[: view.springs], view.typical[view.first :]])
-    X = view.raw[:, :-1] * typical
-    beyond = Base.of(X, system.c)
+    beyond = Base.of(view.raw[:, :-1] * typical, system.c)
     exact = beyond.rest < _EXACT**2 * (system.c @ system.c)
     if exact or not (errors.source == "force_reading").any() or beyond.dof < _FEWEST:
         return _AS_SAID

@@ -84,8 +84,7 @@ class ScoreTests(Locked):
         Where a noise is stated, `least` is 1: the stated uncertainty may be too large, but a chance
         low scatter must not create outliers.
         """
-        left = (self.rest - self.drop) / np.maximum(self.dof - self.rank, 1)
-        return np.maximum(left, least)
+        return np.maximum((self.rest - self.drop) / np.maximum(self.dof - self.rank, 1), least)
 
     def p(self, variance: Array | float | None = None, known_from: float | None = None) -> Array:
         """Probability of such a drop by chance, F = (T / rank) / variance, shape (..., n).

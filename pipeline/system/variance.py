@@ -217,8 +217,7 @@ def rescaled(data: Measured, found: Components) -> Measured:
     of the registration already comes from the scatter of the base reflectors.
     """
     used = found.replaced | ~np.array([found.stated, True])
-    factor = np.where(used, found.scale, 1.0)
-    tracker, force = factor.tolist()
+    tracker, force = np.where(used, found.scale, 1.0).tolist()
     told = data.rotation_found or not found.stated
     return replace(
         data.scaled(tracker / (data.found_m or 1.0)),

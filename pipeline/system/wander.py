@@ -288,8 +288,7 @@ def _along_one_axis(beyond: RowsByPose, factor: Array, size: float) -> bool:
     """
 
     def loss(one: Array) -> float:
-        each = factor * np.repeat(one, factor.shape[2] // 3)
-        return float(_losses(beyond, each, _ONE)[0])
+        return float(_losses(beyond, factor * np.repeat(one, factor.shape[2] // 3), _ONE)[0])
 
     sizes = np.full(3, size)
     start = least = float(_losses(beyond, factor, np.array([size]))[0])

@@ -110,5 +110,4 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
     which, at = np.nonzero(~blocks.there)
     V[which, at, at] = 1.0
     inverse = blocks.square(linear.whitening, V)
-    common = _each(inverse, blocks, errors.G[:, errors.common].toarray())
-    return Whitener(blocks, inverse, common)
+    return Whitener(blocks, inverse, _each(inverse, blocks, errors.G[:, errors.common].toarray()))

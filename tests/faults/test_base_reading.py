@@ -144,6 +144,32 @@ def test_the_chance_of_a_reading_is_counted_for_all_of_them(case):
     assert base_outlier(whole, 2.0) == []
 
 
+def test_the_others_of_its_round_tell_how_noisy_it_was(case):
+    """Their squares in standard uncertainties, by scipy's fit and its Jacobian without the reading.
+
+    A coordinate that the fit absorbs tells nothing: those that are left are counted.
+    """
+    wrong = spoiled(case, 5, np.array([2e-4, -2e-4, 3e-4]))
+    rows, C = covariances(wrong)
+    kept = np.arange(len(rows)) != 5
+    W, p = np.linalg.inv(np.linalg.cholesky(C[kept])), rows[XYZ].to_numpy(float)[kept]
+    nominal = np.array([CORNERS[n] for n in rows["target"]])[kept]
+    start = registered(case)
+
+    def left(x):
+        R = Rotation.from_rotvec(x[:3]).as_matrix() @ start.R
+        return np.einsum("mij,mj->mi", W, p - (nominal - start.t - x[3:]) @ R).ravel()
+
+    got = optimize.least_squares(left, np.zeros(6), jac="3-point", x_scale="jac", xtol=1e-14)
+    held = np.sum(np.linalg.qr(got.jac)[0].reshape(-1, 18) ** 2, axis=1)
+    square = np.sum(got.fun.reshape(-1, 3) ** 2, axis=1)
+    mine = (rows["group"] == rows["group"].iloc[5]).to_numpy()[kept]
+
+    (found,) = base_outlier(registered(wrong), 1.0)
+
+    assert np.array(found.near) == pytest.approx(np.c_[square, 3 - held][mine], rel=1e-3)
+
+
 def test_two_bad_readings_are_both_named(case):
     """And no innocent one between them; both are removed at once."""
     one = spoiled(case, 1, np.array([0.0, 0.0, 6e-4]))

@@ -221,17 +221,18 @@ class Tails:
     """A family with this certainty for any blunder, that records its arguments."""
 
     def __init__(self, sure):
-        self.sure, self.seen, self.states = sure, [], []
+        self.sure, self.seen, self.states, self.near = sure, [], [], []
 
     @property
     def rather(self):
         """It is what it is."""
         return self
 
-    def mistaken(self, square, axes, state):
+    def mistaken(self, square, axes, state, near):
         """The given certainty; arguments are recorded."""
         self.seen.append((square, axes))
         self.states.append(state)
+        self.near.append(near)
         return self.sure
 
 
@@ -264,10 +265,11 @@ def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
 def test_a_reading_is_judged_in_its_state(where, state):
     """Pose and pull, -1 for a zero; one of the base is of no pose."""
     tails, one = Tails(0.5), replace(mistake("a1"), name="outlier", where=where, unit="sigma")
-    one = replace(one, size=1e-3, size_unit="m", p_value=1e-6)
+    one = replace(one, size=1e-3, size_unit="m", p_value=1e-6, near=((4.0, 3.0),))
 
     assert not Screening(Bench(()), Cell(), np.ones(1), accepted=tails).sure(one)
     assert tails.states == [state]
+    assert tails.near == [one.near]
 
 
 @pytest.mark.parametrize("sure", [0.95, 0.5])

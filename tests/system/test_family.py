@@ -111,6 +111,10 @@ def test_a_reading_is_judged_by_the_others_of_its_pose(width):
         assert told.mistaken(200.0**2, 3, (3, 2)) > 0.9
         assert told.mistaken(8.5**2, 3, (7, 2)) > 0.9
         assert told.mistaken(8.5**2) > 0.9  # of the base
+        assert told.mistaken(8.5**2, near=[(2.0, 3), (3.0, 3), (1.0, 2)]) > 0.9
+        nothing = told.mistaken(8.5**2)
+        assert told.mistaken(8.5**2, near=[(0.0, 0.0)] * 3) == pytest.approx(nothing, rel=0.2)
+        assert told.mistaken((2.5 * width) ** 2, near=[(3 * width**2, 3)] * 3) < 0.1
         assert np.median(variance[KEYS[:, 0] == 3]) == pytest.approx(width**2, rel=0.8)
         assert np.median(variance[KEYS[:, 0] == 7]) == pytest.approx(1.0, abs=0.2)
 
