@@ -291,8 +291,9 @@ def _orders(moved: PullMoves, given: OrderFit, least: float, row: Ints) -> Itera
     """Possible moves in the column of forces, the simplest first; some may be none."""
     yield rings(given.cost, least, least)
     at = np.argsort(row)  # pulls in the order of the log
-    for step, ended in product((1, -1), (False, True)):
-        for begin in dict.fromkeys((0, *_since(moved, at, step))):
+    for step in (1, -1):
+        begins = dict.fromkeys((0, *_since(moved, at, step)))
+        for ended, begin in product((False, True), begins):
             yield [shift(at[begin:], step, ended)]
     yield _sorted(moved, least)
 
