@@ -381,8 +381,7 @@ def log_det(N: Array) -> Array:
 def rigid(a: Array, b: Array) -> tuple[Array, Array]:
     """R, t that minimise the sum of |b - R a - t|^2 (Kabsch 1976), points (n, 3) each."""
     U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
-    flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
-    R = (U @ flip @ Vt).T
+    R = (U @ np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))]) @ Vt).T
     return R, b.mean(axis=0) - R @ a.mean(axis=0)
 
 

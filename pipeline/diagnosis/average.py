@@ -265,8 +265,7 @@ def _at_pose(one: Hypothesis, q: Array, force: Array) -> Hypothesis:
         T[joint, column] = signs[joint]
     estimate = _taken(one.estimate, T, list(both))
     sized = None if one.sized is None else _taken(one.sized, T, list(both))
-    back = 2 * np.eye(len(T)) - T
-    system = replace(one.system, B=one.system.B @ back)
+    system = replace(one.system, B=one.system.B @ (2 * np.eye(len(T)) - T))
     return replace(one, estimate=estimate, sized=sized, system=system)
 
 

@@ -761,8 +761,7 @@ def _instead(task: SearchTask, wide: Whitened, gone: Sequence[int]) -> NamelessR
     first, named = None, 0.0
     view = task.without(wide, {accepted[place] for place in gone})
     for place in gone:
-        base = np.concatenate([np.arange(wide.first), wide.columns(rest)])
-        now = view.beside(base)
+        now = view.beside(np.concatenate([np.arange(wide.first), wide.columns(rest)]))
         first = now if first is None else first
         named += float(now.log_evidence[accepted[place]])
         rest = (*rest, accepted[place])

@@ -77,8 +77,7 @@ def as_good(
         reduction, ci95 = interval(before, after, pose, rng)
         _, (_, better) = interval(own, after, pose, rng)
         if ci95[0] > 0 and better > 0:
-            size = coefficients(wide.M, columns)[-len(mine) :]
-            times = float(np.abs(size).max())
+            times = float(np.abs(coefficients(wide.M, columns)[-len(mine) :]).max())
             out.append(NamelessEqual(wide.suspects[suspect], reduction, ci95, times))
     return tuple(sorted(out, key=lambda one: -compared(one.reduction)))
 

@@ -83,18 +83,25 @@ def first_form(cells: Iterable[str]) -> str | None:
 def form_of_all(cells: Sequence[str], most: float) -> str | None:
     """The format in which at least a fraction `most` of the cells are times, None if there is none.
 
-    Dates with slashes are American unless their numbers contradict this: in more cells than go back
-    in time if the day comes first, so that a damaged cell does not date all others anew.
+    Dates with slashes are American unless their numbers contradict this: in more cells than run
+    against the others if the day comes first, so that a damaged cell does not date all others anew.
+    One at either end of them runs with them, and does.
     """
     form = first_form(cells)
     if form is None:
         return None
     ways = [form, *(form.replace(a, b) for a, b in _OTHER_DAY.items() if a in form)]
-    found = [[at for cell in cells if (at := _moment(cell, way)) is not None] for way in ways]
-    back = [sum(a > b for a, b in pairwise(map(_without_zone, times))) for times in found]
-    fitting = [len(times) - late for times, late in zip(found, back, strict=True)]
-    best = fitting.index(max(fitting))
-    return ways[best] if len(found[best]) >= most * len(cells) else None
+    every = [[at for cell in cells if (at := _moment(cell, way)) is not None] for way in ways]
+    fitting = {
+        w: times for w, times in zip(ways, every, strict=True) if len(times) >= most * len(cells)
+    }
+    return max(fitting, key=lambda way: len(fitting[way]) - _against(fitting[way]), default=None)
+
+
+def _against(times: Sequence[datetime]) -> int:
+    """Number of steps in time that go against the others, whether the newest is last or first."""
+    steps = [*pairwise(map(_without_zone, times))]
+    return min(sum(a > b for a, b in steps), sum(a < b for a, b in steps))
 
 
 def _moment(cell: str, form: str) -> datetime | None:

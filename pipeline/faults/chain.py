@@ -408,8 +408,7 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
     """
     u = _along(chain.ends[pulls])
     sets = Blocks.of(chain.towards[pulls])
-    mean = sets.padded(u).sum(axis=1)
-    across = linear.principal(mean[:, None])[2][:, 1:]
+    across = linear.principal(sets.padded(u).sum(axis=1)[:, None])[2][:, 1:]
     x = np.abs(sets.padded(course[pulls])).max(axis=1)[sets.index]
     X = np.stack([np.ones(len(pulls)), course[pulls] / x], axis=1)
     w = np.einsum("nij,nj->ni", across[sets.index], u)

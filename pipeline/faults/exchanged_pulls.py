@@ -264,18 +264,9 @@ def _keys(asked: Screening, moved: PullMoves) -> list[_Key]:
 def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]:
     """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row, least = rows_of(asked.case, asked.reduced.data, moved.pull), moved.least
-
-    def left(one: tuple[OrderFit, list[Ring]]) -> tuple[int, int]:
-        """Number of pulls whose force does not fit, except those left without one; then of moves.
-
-        A run that is off by one is a single move.
-        """
-        wrong = np.diag(one[0].cost[ordering(one[1], len(moved.force))]) > least
-        without = sum(wrong[ring.members[0]] for ring in one[1] if ring.ended)
-        return int(wrong.sum() - without), sum(1 if r.by_one else len(r.moves) for r in one[1])
-
     every = ((_fitting(moved, one, least), one) for one in _orders(moved, given, least, row) if one)
-    for fit, found in sorted(((fit, one) for fit, one in every if fit), key=left):
+    fits = [(fit, one) for fit, one in every if fit]
+    for fit, found in sorted(fits, key=partial(_unexplained, least=least)):
         moves = row[[k for ring in found for k in ring.members]]
         pose = asked.reduced.data.pulls.pose[moved.pull]
         happens = partial(_happens, pose=pose, most=bool(2 * len(moves) > np.ptp(moves) + 1))
@@ -285,12 +276,24 @@ def _loads(asked: Screening, moved: PullMoves, given: OrderFit) -> list[Mistake]
     return []
 
 
+def _unexplained(one: tuple[OrderFit, list[Ring]], least: float) -> tuple[int, int]:
+    """Number of pulls whose force does not fit, except those left without one; then of moves.
+
+    A run that is off by one is a single move.
+    """
+    fit, found = one
+    wrong = np.diag(fit.cost[ordering(found, len(fit.cost))]) > least
+    without = sum(wrong[ring.members[0]] for ring in found if ring.ended)
+    return int(wrong.sum() - without), sum(1 if r.by_one else len(r.moves) for r in found)
+
+
 def _orders(moved: PullMoves, given: OrderFit, least: float, row: Ints) -> Iterator[list[Ring]]:
     """Possible moves in the column of forces, the simplest first; some may be none."""
     yield rings(given.cost, least, least)
     at = np.argsort(row)  # pulls in the order of the log
-    for step, ended in product((1, -1), (False, True)):
-        for begin in dict.fromkeys((0, *_since(moved, at, step))):
+    for step in (1, -1):
+        begins = dict.fromkeys((0, *_since(moved, at, step)))
+        for ended, begin in product((False, True), begins):
             yield [shift(at[begin:], step, ended)]
     yield _sorted(moved, least)
 

@@ -46,8 +46,7 @@ def gross(case: Case) -> list[Mistake]:
     known_place = np.isfinite(away)
     wrong = np.where(known_place, moved & some, every)
     size = np.where(known_place, away, change)
-    C = covariance.matrices(rows)
-    std = np.sqrt(np.einsum("mii->m", C) / 3)
+    std = np.sqrt(np.einsum("mii->m", covariance.matrices(rows)) / 3)
     return [
         bad_reading(
             rows.iloc[k],

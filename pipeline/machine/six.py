@@ -39,7 +39,6 @@ def coordinates(levers: Array, moved: Array, size: float) -> Array:
     wide = moved if moved.ndim == 4 else moved[..., None]
     N = np.einsum("mti,mti->m", levers, levers)[:, None, None] * np.eye(3)
     N = N - np.einsum("mti,mtj->mij", levers, levers)
-    turning = np.cross(levers[..., None], wide, axis=2).sum(axis=1)
-    w = linear.solve(N, turning)
+    w = linear.solve(N, np.cross(levers[..., None], wide, axis=2).sum(axis=1))
     out = np.stack([wide.mean(axis=1), size * w], axis=1)
     return out if moved.ndim == 4 else np.asarray(out[..., 0])

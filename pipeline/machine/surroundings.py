@@ -64,8 +64,7 @@ class _EffectorCapsule(Strict):
 
 def _is_table(value: object) -> bool:
     """Whether it is a table or a list of tables, unlike a point."""
-    first = next(iter(value), None) if isinstance(value, list) else value
-    return isinstance(first, Mapping)
+    return isinstance(next(iter(value), None) if isinstance(value, list) else value, Mapping)
 
 
 class Surrounded(Strict):

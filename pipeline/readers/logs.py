@@ -336,8 +336,7 @@ def joints(
     approach = Quantity("approach", {}, needed=False)
     torques = [Quantity(f"tau{j}", _ON_SLIDE if "mm" in q.units else _TORQUE, needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
-    repeat = replace(REPEAT, needed=False)
-    others = [approach, repeat, *torques]
+    others = [approach, replace(REPEAT, needed=False), *torques]
     known_columns(stated, "joints", [POSE, _TIME, REMARK, *own, *axes, *others])
     _pulses_known(file, wanted, pulses)
     log = whole_numbers(typed(file, [POSE, *wanted, *others], stated, section))

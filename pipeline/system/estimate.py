@@ -136,8 +136,7 @@ def identify(
     if not data.noise_stated and data.found_m is None:
         for _ in range(2):
             found_m = tracker_noise(assemble(cell, data, value))
-            weighed = data.in_metres(found_m)
-            value = solve(assemble(cell, weighed, value), value).value
+            value = solve(assemble(cell, data.in_metres(found_m), value), value).value
         data = data.in_metres(tracker_noise(assemble(cell, data, value)))
     return _iterate(lambda values: assemble(cell, data, values), start, near)
 

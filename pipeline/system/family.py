@@ -5,14 +5,14 @@ A reading's error is normal with covariance lambda C, C the stated one, lambda i
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
     Eq. (18): lambda = 3 Beta(1/2, 1) s^2              bursts:  lambda = s^2, or k^2 s^2 in a part
     blunder:  log lambda uniform, in an unknown fraction
-    spells:   lambda = s^2, or k^2 s^2 in successive readings of a part of the poses
+    spells:   lambda = s^2, or k^2 s^2 in successive states of the campaign
 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Tukey, A survey
 of sampling from contaminated distributions, 1960, for bursts; Box and Tiao, Biometrika 55, 1968,
 for blunders). The estimate of a reading's error from the other readings, x ~ N(0, lambda I + S),
 determines the likelihood of its lambda; the product of these densities over all readings determines
-the likelihood of the family; a spell (`spells.py`) is that of a pose, and a reading is judged by
-what the others of its pose are like. V then has each reading's lambda at its posterior mean over
+the likelihood of the family; a spell (`spells.py`) is of successive states, and a reading is judged
+by what the others of its time are like. V then has each reading's lambda at its posterior mean over
 lambda, spells and family, so no test switches anything on or off.
 """
 
@@ -39,7 +39,7 @@ is bounded: no trial law has more than `FAILED_LOCKS` of its readings beyond `FA
 width of its core. What a campaign holds beyond that are mistakes."""
 
 SPELLS = ((0.2, 3.0), (0.04, 5.0))
-"""Trial pairs: fraction of the poses in a spell, and the width of the readings there relative to
+"""Trial pairs: fraction of the states in a spell, and the width of the readings there relative to
 the others, within the same bound."""
 
 TARGETS = ((1.0, 2.0), (1.0, 3.0), (1.0, 5.0), (1.0, 8.0), (0.3, 3.0), (0.3, 5.0), (0.3, 8.0))
@@ -62,7 +62,7 @@ _SPELL = np.arange(_FAMILIES) >= _FAMILIES - len(SPELLS)
 """Which of them have spells, shape (f,)."""
 
 _SHARES = np.array([share for share, _ in SPELLS])
-"""Fraction of the poses in a spell under each of those."""
+"""Fraction of the states in a spell under each of those."""
 
 _NO_STATE = -1, -1
 """Key of readings that belong to no pose."""

@@ -282,11 +282,20 @@ def _tails(
 
 
 def _in_time(keys: Ints, pulls: Pulls) -> States:
-    """States of readings with these keys (n, 2), poses in the order of their first pull."""
-    first = np.lexsort((pulls.pose, pulls.time))
-    poses, at = np.unique(pulls.pose[first], return_index=True)
-    before = np.isin(poses, pulls.pose[pulls.zeros_after == 0])
-    return States.each(keys, poses[np.argsort(at)], poses[~before])
+    """States of readings with these keys (n, 2), by the times of the pulls, or else as recorded.
+
+    Zeros stand before the first and after the last pull of their pose, where any were read.
+    """
+    m, timed = len(pulls), bool(np.isfinite(pulls.time).all())
+    place = np.argsort(np.argsort(pulls.time, kind="stable")) if timed else np.arange(m)
+    _, of = np.unique(pulls.pose, return_inverse=True)
+    first, last = (np.lexsort((way * place, of)) for way in (1, -1))
+    first, last = (one[np.unique(of[one], return_index=True)[1]] for one in (first, last))
+    first, last = first[pulls.zeros_after[first] < 1], last[pulls.zeros_after[last] > 0]
+    which = np.concatenate([np.arange(m), first, last])
+    nth = np.concatenate([pulls.repeat, np.full(len(first) + len(last), -1)])
+    when = np.concatenate([place, place[first] - 0.5, place[last] + 0.5])
+    return States.each(keys, np.column_stack([pulls.pose[which], nth])[np.argsort(when)])
 
 
 def _overstated(beyond: RowsByPose) -> float:

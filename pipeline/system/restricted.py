@@ -175,8 +175,7 @@ def maximum(blocks: PaddedRows, determined: Bools) -> tuple[Array, Array, Array]
         longer = np.maximum(sandwich / information, 1.0)
     best, p = _total(loss, x), np.empty(len(x))
     for i, k in enumerate(np.flatnonzero(determined)):
-        others = determined & (np.arange(len(determined)) != k)
-        as_stated = blocks.of_scales(others)
+        as_stated = blocks.of_scales(determined & (np.arange(len(determined)) != k))
         worse = _total(as_stated, lowest(as_stated, np.delete(x, i))) - best
         tail = 0.5 * chi2_beyond(max(worse, 0.0) / longer[i], 1)
         p[i] = tail if x[i] > 0 else 1 - tail

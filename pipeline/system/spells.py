@@ -2,15 +2,16 @@
 
 A pose has states: its zeros, its pulls and, where they were read again, its zeros once more. In the
 order of time those of all poses are a Markov chain that is quiet (Q), in the first state of a spell
-(F) or in a later one (N). With u the fraction of the poses in which a spell begins, n the number of
-states per pose, e = u / n and g_s the log likelihood ratio of the readings of s, noisy over quiet,
+(F) or in a later one (N). With u the fraction of all states that are in spells of on average
+d = 1 + 1 / (1 - l) states, e = u / d (1 - u) and g_s the log likelihood ratio of the readings of s,
+noisy over quiet,
 
                          Q    F    N
     L / L_quiet   Q  [ 1 - e  e    0 ]
     = product of  F  [   0    0    1 ] diag(1, exp g_s, exp g_s),  from Q to Q or N,
                   N  [ 1 - l  0    l ]
 
-and zeros that are read before and after the pulls have half of their g in either state. Vibration,
+and zeros that are read before and after the pulls have half of their g in either place. Vibration,
 the sun on a reflector or a draught last for minutes, whatever the pose: one bad reading among quiet
 ones is no spell, however far off it is.
 """
@@ -45,22 +46,21 @@ class States(Locked):
     of: Ints
 
     @classmethod
-    def each(cls, keys: Ints, poses: Ints | None = None, again: Ints | None = None) -> States:
+    def each(cls, keys: Ints, order: Ints | None = None) -> States:
         """States of readings with these keys, shape (n, 2).
 
         Args:
             keys: Pose and pull of each.
-            poses: The poses in the order of time; ascending when not given.
-            again: Those whose zeros were read after the last pull, too.
+            order: Keys of all states in the order of time, those of zeros that were read twice in
+                both places; ascending when not given.
         """
         key, of = np.unique(keys, axis=0, return_inverse=True)
-        names, pose = np.unique(key[:, 0], return_inverse=True)
-        order = names if poses is None else poses[np.isin(poses, names)]
-        rank = np.argsort(order)[pose]
-        last = np.flatnonzero((key[:, 1] < 0) & np.isin(key[:, 0], [] if again is None else again))
-        nth = np.append(key[:, 1], np.full(len(last), key[:, 1].max(initial=0) + 1))
-        every = np.append(np.arange(len(key)), last)
-        return cls(key, pose, every[np.lexsort((nth, rank[every]))], of.reshape(-1))
+        at = {tuple(one): k for k, one in enumerate(key.tolist())}
+        turns = [
+            at[one] for one in map(tuple, (key if order is None else order).tolist()) if one in at
+        ]
+        pose = np.unique(key[:, 0], return_inverse=True)[1]
+        return cls(key, pose, np.array(turns, np.int64), of.reshape(-1))
 
     @classmethod
     def none(cls) -> States:
@@ -91,7 +91,10 @@ class States(Locked):
         return np.asarray(logs + np.log(M[..., 0, 0, 0] + M[..., 0, 0, 2]))
 
     def noisy(self, gains: Array, share: Array) -> Array:
-        """Probability that each state is in a spell, arguments as for `ratio`, shape (..., t)."""
+        """Probability that each state is in a spell, arguments as for `ratio`, shape (..., t).
+
+        That of zeros in two places as if these were independent.
+        """
         M = self._steps(gains, share)[0]
         steps, ends = range(len(self.turns)), np.array([1.0, 0.0, 1.0])
         ahead, back = np.zeros((2, len(steps), *M.shape[:-3], 3))
@@ -111,9 +114,10 @@ class States(Locked):
         """Matrix of each step of the chain (..., s, 3, 3), and the sum of the logs taken out."""
         order = np.argsort(self.of, kind="stable")
         first = np.searchsorted(self.of[order], np.arange(len(self.key)))
-        own = np.add.reduceat(gains[..., order], first, axis=-1) / np.bincount(self.turns)
+        own = np.add.reduceat(gains[..., order], first, axis=-1)
+        own = own / np.maximum(np.bincount(self.turns, minlength=len(self.key)), 1)
         g = own[..., self.turns]
-        begins = np.asarray(share) * len(np.unique(self.pose)) / max(len(self.turns), 1)
+        begins = np.asarray(share / (1 - share) * (1 - _LASTS) / (2 - _LASTS))
         moves = np.zeros((*begins.shape, 3, 3))
         moves[..., 0, 0], moves[..., 0, 1], moves[..., 1, 2] = 1 - begins, begins, 1.0
         moves[..., 2, 0], moves[..., 2, 2] = 1 - _LASTS, _LASTS

@@ -57,9 +57,14 @@ def test_a_clock_that_was_never_set_gives_no_time():
     assert times.to_pylist() == [None, HALF_PAST]
 
 
-def test_a_damaged_date_does_not_date_all_others_anew():
-    """A day above 12 settles the order of day and month only if the clock then runs forward."""
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_damaged_date_does_not_date_all_others_anew(way):
+    """A day above 12 settles the order of day and month only if the clock then runs one way.
+
+    The newest row may come last or first.
+    """
     day = [f"11/03/26 08:{minute:02d}:00" for minute in range(20)]
     damaged = [*day[:9], "31/03/26 08:09:00", *day[10:]]
-    assert form_of_all(damaged, 0.9) == "%m/%d/%y %H:%M:%S"
-    assert form_of_all([*day, "13/03/26 09:00:00"], 0.9) == "%d/%m/%y %H:%M:%S"
+    assert form_of_all(damaged[::way], 0.9) == "%m/%d/%y %H:%M:%S"
+    days = [*day, *(f"{one}/03/26 09:{m:02d}:00" for one in (12, 13) for m in range(20))]
+    assert form_of_all(days[::way], 0.9) == "%d/%m/%y %H:%M:%S"

@@ -365,7 +365,9 @@ def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_
     # the model assigns one time to a pull; the registration follows a drift half-way, up to a part
     # that grows with its curvature
     curved = 2e-7 * max(1.0, hours**-2)
-    assert miss(known.displacement, data, data.delta) < (curved if drifts else 1e-12)
+    missed = miss(known.displacement, data, data.delta)
+    assert missed < (curved if drifts else 1e-12)
+    assert isinstance(effect, Noise) or missed < 0.3 * overlooked
     assert drifts or miss(known.unloaded, data, data.unloaded) < 1e-12
     assert isinstance(effect, Noise) or overlooked > 3e-7
 

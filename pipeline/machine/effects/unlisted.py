@@ -763,8 +763,7 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
     """
     slope = values / max(float(np.linalg.norm(values)), 1e-300)
     if follows(law):
-        v = np.linspace(law.low, law.high, _GRID)
-        g = _basis(law, v)
+        g = _basis(law, np.linspace(law.low, law.high, _GRID))
         f = g @ values[len(values) - g.shape[1] :]
         slope = np.zeros(len(values))
         slope[len(values) - g.shape[1] :] = (g[np.argmax(f)] - g[np.argmin(f)]) / 2

@@ -181,6 +181,5 @@ def torque(twists: Array, point: Array, force: Array) -> Array:
         point: Point of application in F_b [m], shape (m, 3).
         force: Force in F_b [N], shape (m, 3).
     """
-    moment = cross(point, force)
-    work = np.concatenate([moment, force], axis=-1)
+    work = np.concatenate([cross(point, force), force], axis=-1)
     return sum(twists[..., i] * work[:, None, i] for i in range(6))
