@@ -93,7 +93,7 @@ def test_one_series_predicts_the_other(campaign):
     off, _ = judged(model, read.readings.part(~first))
 
     assert found.laws
-    assert np.linalg.norm(off, axis=1).mean() < 0.415e-3  # 0.41 mm, as docs/ur10.md says
+    assert np.linalg.norm(off, axis=1).mean() < 0.41e-3
     for cause in found.causes:  # of other masses, or of tilts no larger than their uncertainty
         assert cause.name != "gravity_sag"
         assert max(abs(one.value) / one.std for one in cause.amounts) > 2
