@@ -43,11 +43,6 @@ _LEVER_M = 10.0
 """Lever at which rotations are expressed as translations [m], for the conditioning."""
 
 
-def _forms(effects: Sequence[Effect]) -> list[Observation]:
-    """The laws of a drift."""
-    return [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-
-
 def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
     """The catalogue of a campaign, and the motion of its tracker that the base reflectors show."""
     effects, readings = expected(of.case, of.data), of.reduced.registration
@@ -90,7 +85,7 @@ def drift(
         None without times, unless the laws are by the order of rows; with too few reflectors; or
             with one round of readings.
     """
-    forms = _forms(effects)
+    forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
     by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
     table = in_rounds(_repeated(registration.table, by_order))
     since = table["since"].to_numpy(float)

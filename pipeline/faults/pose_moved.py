@@ -75,7 +75,7 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     rivals = float(_by_one(asked, shifted, base, variance)[place]), zero
     if max(rivals[: 2 - last]) >= worth:
         return []
-    base = shifted.springs(system, columns[first] * _of(shifted, pose))
+    base = shifted.springs(system, columns[first] * (shifted.stack.pose == pose)[:, None])
     beside, others = _flat(base.beside(D)), np.arange(len(found.drop)) // from_state
     single = _by_one(asked, shifted, base, variance)
     others = (others != place) & (_worth(beside, variance) > single[others])
@@ -106,11 +106,6 @@ def _by_one(asked: Screening, shifted: Shifted, base: Base, variance: float) -> 
     if not asked.cell.tool.six:
         np.maximum.at(best, place, _worth(shifted.beside(base), variance))
     return best
-
-
-def _of(shifted: Shifted, pose: int) -> Array:
-    """Mask of the rows of a pose, shape (R, 1)."""
-    return (shifted.stack.pose == pose)[:, None].astype(float)
 
 
 def _columns(shifted: Shifted, data: Measured) -> tuple[Array, int, list[Array]]:
