@@ -177,9 +177,9 @@ class _Fit(Locked):
 def misplaced(asked: Screening) -> list[Mistake]:
     """The one anchor whose place, or the row from which on their column, the pulls contradict.
 
-    It must be likelier than that none is wrong by odds of 100 for each hypothesis, and a place
-    likelier without the pulls of any one pose, too. Where causes may hide in what it leaves, it
-    leaves `CLEARLY_NEARER` times less: what a cause does in some poses may look like a direction.
+    It must be likelier than that none is wrong by odds of 100 for each hypothesis, and likelier
+    without any one pose, too. Where causes may hide in what it leaves, it leaves `CLEARLY_NEARER`
+    times less: what a cause does in some poses may look like a direction.
     """
     pulls = _Pulls.of(asked)
     if pulls is None or not _suspicious(pulls):
@@ -188,10 +188,10 @@ def misplaced(asked: Screening) -> list[Mistake]:
     best = max(found, key=lambda fit: fit.evidence, default=none)
     if not _certain(pulls, best, none):
         return []
-    if best.claim.step:
-        return [_of_column(asked, pulls, best, none)]
     if _of_one_pose(pulls, best.claim):
         return []
+    if best.claim.step:
+        return [_of_column(asked, pulls, best, none)]
     others = {
         fit.claim.anchor: None for fit in found if fit.evidence > best.evidence + np.log(_RIVAL)
     }
@@ -208,8 +208,9 @@ def _certain(pulls: _Pulls, best: _Fit, none: _Fit) -> bool:
 
 
 def _of_one_pose(pulls: _Pulls, claim: _Claim) -> bool:
-    """Whether the pulls of one pose alone contradict a place: then that pose is wrong."""
-    for pose in np.unique(pulls.pose[pulls.place == claim.anchor]).tolist():
+    """Whether the pulls of one pose alone contradict the log: then that pose is wrong."""
+    other = claim.place != pulls.place if claim.step else claim.place == claim.anchor
+    for pose in np.unique(pulls.pose[other]).tolist():
         rest, kept = pulls.only(pulls.pose != pose), claim.only(pulls.pose != pose)
         x = rest.moved.solved(rest.moved.force)
         there, none = (
