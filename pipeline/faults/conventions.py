@@ -187,16 +187,16 @@ def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mi
     )
 
 
-def miss(case: Case) -> float | None:
+def miss(case: Case, fewest: int = FEWEST_POSES) -> float | None:
     """Deviation of the unloaded reflectors from the robot's table [m], median over groups.
 
     None where too few poses were read.
     """
-    return _miss(unloaded_points(case))
+    return _miss(unloaded_points(case), fewest)
 
 
-def _miss(points: UnloadedPoints) -> float | None:
-    if len(points.q) < FEWEST_POSES:
+def _miss(points: UnloadedPoints, fewest: int = FEWEST_POSES) -> float | None:
+    if len(points.q) < fewest:
         return None
     return _off(points.seen, points.expected, points.state)
 
