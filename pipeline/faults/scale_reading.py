@@ -496,8 +496,7 @@ def _freed(
     """
     of = np.eye(len(data.pulls)) if of is None else of
     columns = by_force(cell, data, estimate.value)[:, None] * of[system.rows.pull]
-    typical = system.typical
-    base = Base.of(white(system.B) * typical, white(estimate.residual))
+    base = Base.of(white(system.B) * system.typical, white(estimate.residual))
     return base, base.beside(white(columns)[None, ..., None]).of_block(0)
 
 
