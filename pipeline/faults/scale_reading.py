@@ -417,7 +417,7 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     alike = _by_pose(data, righted)
     sure = alike < _MANY and righted.proven
     rivalled = alike > 0 or not righted.alone or bool(righted.held.poses.max() > 1)
-    if not sure or (rivalled and _by_law(asked, righted)):
+    if not sure or (rivalled and not righted.clear and _by_law(asked, righted)):
         return []
     each = zip(righted.which, righted.std, righted.p, strict=True)
     found = (_named(asked.case, data, righted, int(k), *map(float, rest)) for k, *rest in each)
