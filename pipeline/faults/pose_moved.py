@@ -185,7 +185,8 @@ def _finding(
         np.where(unloaded, np.isin(rows["group"], [zeros[n] for k, n in lost if k < 0]), again)
     ]
     group, sigmas = str(out["group"].iloc[0]), float(np.sqrt(drop))
-    between = " and ".join(_named(one, repeat) for one, _ in states[first - 1 : first + 1])
+    named = [f"pull {repeat[k]}" if k >= 0 else "its unloaded state" for k, _ in states]
+    between = " and ".join(named[first - 1 : first + 1])
     at = of_group(asked.case, group, set(rows["target"]))
     return outlying(
         group,
@@ -214,11 +215,6 @@ def _parts(states: _States, first: int) -> tuple[_States, str]:
     if after > before:
         return parts[0], "its states before"
     return (parts[1], "those that follow") if before else (parts[0], "")
-
-
-def _named(pull: int, repeat: Ints) -> str:
-    """A state of a pose in words."""
-    return f"pull {repeat[pull]}" if pull >= 0 else "its unloaded state"
 
 
 FAULT = Fault("outlier", moved)

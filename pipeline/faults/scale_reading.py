@@ -417,7 +417,7 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
     alike = _by_pose(data, righted)
     sure = alike < _MANY and righted.proven
     rivalled = alike > 0 or not righted.alone or bool(righted.held.poses.max() > 1)
-    if not sure or (rivalled and not righted.clear and _by_law(asked, righted)):
+    if not sure or (rivalled and _by_law(asked, righted)):
         return []
     each = zip(righted.which, righted.std, righted.p, strict=True)
     found = (_named(asked.case, data, righted, int(k), *map(float, rest)) for k, *rest in each)
@@ -426,6 +426,8 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
 
 def _by_law(asked: Screening, righted: _Righted) -> bool:
     """Whether the law of a cause, free in the pulls of such an error, explains it about as well.
+
+    It must explain it better where no other pull stands out.
 
     With a the whitened column of the error, o its size [N], and z that of the law in these pulls
     alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.score_tests`.
@@ -438,7 +440,7 @@ def _by_law(asked: Screening, righted: _Righted) -> bool:
         each = own[:, np.abs(own[righted.rows(int(k))]).max(axis=0, initial=0.0) > 0]
         logged = righted.logged(int(k), float(off))[1]
         found = logged.beside(righted.white(each)[None, :, :, None]).of_block(0)
-        if (found.drop > drop - odds.DECIDES).any():
+        if (found.drop > drop - (0.0 if righted.clear else odds.DECIDES)).any():
             return True
     return False
 
