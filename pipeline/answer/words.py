@@ -290,7 +290,11 @@ def _predicts_worse(facts: Facts) -> str:
 
 
 def _unconfirmed(facts: Facts) -> str:
-    assert facts.gain is not None
+    if facts.gain is None:
+        return (
+            f"{_names(facts.causes)} fit{_ending(facts)} best, but the readings scatter more than "
+            "stated, and cross-validation requires four poses. No cause is identified."
+        )
     low, high = facts.gain.ci95
     return (
         f"{_names(facts.causes)} fit{_ending(facts)} best, but the scatter of the readings "

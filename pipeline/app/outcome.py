@@ -100,7 +100,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         exit_code=InputError.exit_code if answer.rejected else 0,
         misfit=answer.diagnosis.verdict != "adequate"
         or not all(joint.identifiable for joint in answer.stiffness)
-        or not _within(answer),
+        or (answer.tolerance is not None and answer.tolerance.worst not in (None, "pass")),
         complaints=[f"{name}: {line}" for line in sentences(answer.rejected)],
         verdict=str(answer.diagnosis.verdict),
     )
@@ -147,11 +147,6 @@ def _first_screen(answer: Answer) -> list[str]:
     first, *more = answer.first_screen
     chosen = [one for one in more if one.about is not About.NUMBERS]
     return [first.text, *(f"{ABOUT[one.about]}: {one.text}" for one in chosen)]
-
-
-def _within(answer: Answer) -> bool:
-    """Whether the tolerance is certainly kept; also True if none is judged."""
-    return answer.tolerance is None or answer.tolerance.worst in (None, "pass")
 
 
 def _mixed(one: Combination) -> str:

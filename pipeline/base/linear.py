@@ -96,7 +96,7 @@ def _lengths(X: Array) -> Array:
 
 def orthonormal(X: Array) -> Array:
     """Orthonormal basis Q, (M, r), of the column space of X, (M, k)."""
-    U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
+    U, s, _ = principal(X / _lengths(X), full=False)
     return np.asarray(U[:, s > _ROUNDING * s.max(initial=TINY)])
 
 
@@ -107,7 +107,7 @@ def independent(X: Array) -> Array:
 
 def span(X: Array, least: float) -> Array:
     """Orthonormal basis of the directions in which X exceeds the absolute length `least`."""
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
+    U, s, _ = principal(X, full=False)
     return np.asarray(U[:, s > least])
 
 
@@ -119,14 +119,14 @@ def spans(X: Array) -> Array:
 
 def complement(X: Array) -> Array:
     """Orthonormal basis, (M, M - r), of the complement of the column space of X, (M, k)."""
-    U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=True)
+    U, s, _ = principal(X / _lengths(X))
     return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=TINY))) :])
 
 
 def pseudoinverse(X: Array) -> _Inverse:
     """X+ with its rank, by singular values of unit columns."""
     size = _lengths(X)
-    U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
+    U, s, Vt = principal(X / size, full=False)
     rank = int(np.sum(s > _ROUNDING * s.max(initial=TINY)))
     half = Vt[:rank].T / (s[:rank] * size.T)
     lost = 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART
@@ -391,10 +391,16 @@ def moved_onto(a: Array, b: Array) -> Array:
     return a @ R.T + t
 
 
-def principal(X: Array) -> tuple[Array, Array, Array]:
-    """Singular value decomposition U, s, V' of matrices (..., m, k)."""
-    U, s, Vt = np.linalg.svd(X)
-    return np.asarray(U), np.asarray(s), np.asarray(Vt)
+def principal(X: Array, full: bool = True) -> tuple[Array, Array, Array]:
+    """Singular value decomposition U, s, V' of matrices (..., m, k).
+
+    By QR iterations where divide and conquer does not converge for a matrix (m, k).
+    """
+    try:
+        return np.linalg.svd(X, full_matrices=full)
+    except np.linalg.LinAlgError:
+        U, s, Vt = scipy.linalg.svd(X, full_matrices=full, lapack_driver="gesvd")
+        return U, s, Vt
 
 
 def extent(points: Array) -> Array:

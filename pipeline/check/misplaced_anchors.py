@@ -177,9 +177,9 @@ class _Fit(Locked):
 def misplaced(asked: Screening) -> list[Mistake]:
     """The one anchor whose place, or the row from which on their column, the pulls contradict.
 
-    It must be likelier than that none is wrong by odds of 100 for each hypothesis. Where causes may
-    hide in what it leaves, it leaves `CLEARLY_NEARER` times less: what a cause does in some poses
-    may look like a direction.
+    It must be likelier than that none is wrong by odds of 100 for each hypothesis, and likelier
+    without any one pose, too. Where causes may hide in what it leaves, it leaves `CLEARLY_NEARER`
+    times less: what a cause does in some poses may look like a direction.
     """
     pulls = _Pulls.of(asked)
     if pulls is None or not _suspicious(pulls):
@@ -187,6 +187,8 @@ def misplaced(asked: Screening) -> list[Mistake]:
     pulls, (none, *found) = _without_far(pulls)
     best = max(found, key=lambda fit: fit.evidence, default=none)
     if not _certain(pulls, best, none):
+        return []
+    if _of_one_pose(pulls, best.claim):
         return []
     if best.claim.step:
         return [_of_column(asked, pulls, best, none)]
@@ -203,6 +205,20 @@ def _certain(pulls: _Pulls, best: _Fit, none: _Fit) -> bool:
     needed = odds.DECIDES / 2 + np.log(max(_count(pulls), 1))
     clear = best.s <= max(none.s / CLEARLY_NEARER, _SPRINGS[0])
     return bool(clear and best.evidence - none.evidence >= needed)
+
+
+def _of_one_pose(pulls: _Pulls, claim: _Claim) -> bool:
+    """Whether the pulls of one pose alone contradict the log: then that pose is wrong."""
+    other = claim.place != pulls.place if claim.step else claim.place == claim.anchor
+    for pose in np.unique(pulls.pose[other]).tolist():
+        rest, kept = pulls.only(pulls.pose != pose), claim.only(pulls.pose != pose)
+        x = rest.moved.solved(rest.moved.force)
+        there, none = (
+            _fit(rest, one, _begin(rest, one, x), x) for one in (kept, _Claim(rest.place))
+        )
+        if -np.inf < there.evidence <= none.evidence:
+            return True
+    return False
 
 
 def _without_far(pulls: _Pulls) -> tuple[_Pulls, list[_Fit]]:
@@ -293,7 +309,8 @@ def _fit(pulls: _Pulls, claim: _Claim, begin: Array, x: Array) -> _Fit:
             break
     rows = _rows(pulls, claim, at, x)
     evidence, s = rows.averaged(_SPRINGS)
-    cov = claim.free @ rows.solved(s)[1][k:, k:] @ claim.free.T
+    with np.errstate(invalid="ignore"):  # infinite where the pulls do not determine it
+        cov = claim.free @ rows.solved(s)[1][k:, k:] @ claim.free.T
     left = np.mean((pulls.moved.y - pulls.along(claim.place, at)[0] @ x) ** 2, axis=1)
     return _Fit(claim, evidence, s, at[claim.anchor], np.sqrt(np.diag(cov)), left)
 

@@ -362,7 +362,7 @@ def _grow(
         added = _add(task, end.view, end.now, end.p < limit.p, refused)
         if added is None:
             break
-        accepted = _with_one_more(task, end.seen.model.accepted, added)
+        accepted = merged(task.suspects, (*end.seen.model.accepted, added))
         start = _solved(end.view)
         if len(accepted) == len(end.seen.model.accepted):  # a law was extended
             start = start[: end.view.springs]
@@ -446,11 +446,6 @@ def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> 
     one = suspects[more]
     mine = (suspects[i] for i in accepted if suspects[i].label == one.label)
     return all(extends(one, other) for other in mine)
-
-
-def _with_one_more(task: SearchTask, accepted: Sequence[int], more: int) -> tuple[int, ...]:
-    """The accepted causes and one more at the end; a law that it extends is dropped."""
-    return merged(task.suspects, (*accepted, more))
 
 
 def statistics_given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:

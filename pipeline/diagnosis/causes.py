@@ -79,7 +79,7 @@ def of_displacements(
                 unnamed=_unnamed(found, place),
                 as_good=alike[place],
                 twins=(*known.of(effect.label), *_of_all_springs(found.seen, suspect)),
-                gain=worth and _gain(found, others, worth, own),
+                gain=beside(found.plain, others, own) if worth and others else worth,
                 test_pose_change_m=_change(task, found, others, where),
                 height=_height(effect, held[0]),
                 each_way=both_ways(effect, held),
@@ -88,13 +88,6 @@ def of_displacements(
             )
         )
     return tuple(out)
-
-
-def _gain(
-    found: SearchResult, others: Sequence[int], worth: CrossValidation, rng: np.random.Generator
-) -> CrossValidation:
-    """Gain of one cause: beside the others, or that of all where it is the only one."""
-    return beside(found.plain, others, rng) if others else worth
 
 
 def _unproven(found: SearchResult, others: Sequence[int], rng: np.random.Generator) -> float:

@@ -102,11 +102,14 @@ def _supposed(case: Case, files: Screened, end: _Converged) -> tuple[Screened, .
     A few wrong forces widen the scatter of all, within which none of them stands out, and hide a
     cause: readings are screened with the scatter as stated, beside the likeliest cause that was
     sought with it, then beside the two likeliest, and so on. Another zero of the scale since a pose
-    is nearly a law in time: beside a law outside the catalogue, readings are screened without.
+    is nearly a law in time: beside a law outside the catalogue, readings are screened without, and
+    beside the causes that were found with it.
     """
     said, found = end.diagnosis, dict[object, Screened]()
     springs, own = files.case.cell, len(files.case.cell.effects)
-    bases = [(springs, files.case.robot.nominal_compliance)] if _strange(end) else []
+    listed, start = [e for e in said.modelled if e.law is None], files.case.robot.nominal_compliance
+    cells = [springs, *([springs.with_effects(*listed)] if listed else [])] if _strange(end) else []
+    bases = [(one, np.pad(start, (0, len(one.parameters) - len(start)))) for one in cells]
     if (model := said.as_stated) is not None:
         for count in range(own, len(model.cell.effects) + 1):
             cell = springs.with_effects(*model.cell.effects[own:count])

@@ -43,11 +43,6 @@ _LEVER_M = 10.0
 """Lever at which rotations are expressed as translations [m], for the conditioning."""
 
 
-def _forms(effects: Sequence[Effect]) -> list[Observation]:
-    """The laws of a drift."""
-    return [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
-
-
 def motion(of: Fitted) -> tuple[tuple[Effect, ...], Drift | None]:
     """The catalogue of a campaign, and the motion of its tracker that the base reflectors show."""
     effects, readings = expected(of.case, of.data), of.reduced.registration
@@ -90,7 +85,7 @@ def drift(
         None without times, unless the laws are by the order of rows; with too few reflectors; or
             with one round of readings.
     """
-    forms = _forms(effects)
+    forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
     by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
     table = in_rounds(_repeated(registration.table, by_order))
     since = table["since"].to_numpy(float)
@@ -289,8 +284,7 @@ def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
     span = np.minimum((since / whole_s * _SPANS).astype(np.int64), _SPANS - 1)
     target, names = pd.factorize(table["target"])
     _, first, which = np.unique(span * len(names) + target, return_index=True, return_inverse=True)
-    C = covariance.weighing(table)
-    W = covariance.alike(C, linear.inverse)
+    W = covariance.alike(covariance.weighing(table), linear.inverse)
     whole = linear.inverse(_sums(W.reshape(-1, 9), which).reshape(-1, 3, 3))
     values = table[[*XYZ, *_OFF]].to_numpy(float)
     sums = _sums(np.einsum("kij,kaj->kai", W, values.reshape(-1, 2, 3)).reshape(-1, 6), which)

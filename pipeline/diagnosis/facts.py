@@ -503,6 +503,7 @@ class Facts:
             this explains the remainder as scatter; else 1.
         scatter_told: Whether the scatter of the readings is known from more than the residuals:
             stated, or found in contrasts that no model of the robot can make.
+        noisy: Whether the readings scatter significantly more than stated.
         tracker_ratio: Scatter of the tracker found over the noise in use, which is not the stated
             one where repeats have corrected it.
         scatter: Causes of scatter.
@@ -531,6 +532,7 @@ class Facts:
     scale_ratio: float = 1.0
     tracker_ratio: float = 1.0
     scatter_told: bool = True
+    noisy: bool = False
     scatter: tuple[FoundCause, ...] = ()
     beyond_certificate: bool = False
     beyond_a_tracker: bool = False
@@ -574,10 +576,11 @@ class Facts:
         """Whether the causes predict left-out poses better than the joint springs alone do.
 
         They must do so with certainty where the scatter is known from the residuals only: such a
-        test presumes that the residuals are normal and of equal variance.
+        test presumes that the residuals are normal and of equal variance. With fewer than four
+        poses the stated noise alone confirms a cause, which it cannot where readings scatter more.
         """
         if self.gain is None:
-            return True
+            return not self.noisy
         return (self.gain.reduction if self.scatter_told else self.gain.ci95[0]) > 0
 
 

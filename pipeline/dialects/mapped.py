@@ -7,6 +7,7 @@ from pipeline.dialects import _named, _tables
 from pipeline.dialects._cells import bare, delimiter_of, is_plain
 from pipeline.dialects._named import Header, Named
 from pipeline.dialects._titles import titled
+from pipeline.dialects.two_lines import parted
 from pipeline.readers._reader import Export
 from pipeline.readers._text import Text, squeezed
 from pipeline.readers.export_settings import Columns, ExportSettings
@@ -114,7 +115,9 @@ def _place(word: str, column: str | int, titles: list[str]) -> int:
                 "correct [tracker.mapping.columns] of campaign.toml",
             )
         return column - 1
-    fitting = [k for k, title in enumerate(titles) if title.lower() == column.strip().lower()]
+    said, whole = column.strip().lower(), [title.lower() for title in titles]
+    stems = [parted(title)[0].strip() for title in whole]  # without the unit in brackets
+    fitting = [k for k, title in enumerate(whole if said in whole else stems) if title == said]
     if len(fitting) != 1:
         many = "is no column" if not fitting else f"are {len(fitting)} columns"
         raise InputError(

@@ -32,7 +32,10 @@ _MOST = 30
 
 
 def base_rounds(case: Case) -> list[Mistake]:
-    """The two rounds whose exchange brings the effector to its position by the robot's table."""
+    """The two rounds whose exchange brings the effector to its position by the robot's table.
+
+    A tracker that was carried at another pose leaves it farther away.
+    """
     if not case.stations or (before := _away(case)) is None:
         return []
     away = {
@@ -41,7 +44,10 @@ def base_rounds(case: Case) -> list[Mistake]:
     }
     best, *others = sorted(away, key=lambda pair: away[pair])
     rival = min((away[pair] for pair in others), default=np.inf)
-    if CLEARLY_NEARER * away[best] > min(before, rival):
+    moved = [_away(one.correct(case)) or 0.0 for one in carried(case)]
+    if CLEARLY_NEARER * away[best] > min(before, rival) or (
+        CLEARLY_NEARER * min(moved, default=np.inf) < away[best]
+    ):
         return []
     return [_finding(case, best, before, away[best])]
 

@@ -187,16 +187,16 @@ def _finding(case: Case, h: _SupposedMistake, before: float, after: float) -> Mi
     )
 
 
-def miss(case: Case) -> float | None:
+def miss(case: Case, fewest: int = FEWEST_POSES) -> float | None:
     """Deviation of the unloaded reflectors from the robot's table [m], median over groups.
 
     None where too few poses were read.
     """
-    return _miss(unloaded_points(case))
+    return _miss(unloaded_points(case), fewest)
 
 
-def _miss(points: UnloadedPoints) -> float | None:
-    if len(points.q) < FEWEST_POSES:
+def _miss(points: UnloadedPoints, fewest: int = FEWEST_POSES) -> float | None:
+    if len(points.q) < fewest:
         return None
     return _off(points.seen, points.expected, points.state)
 
@@ -295,11 +295,14 @@ def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
 
 
 def aligned(case: Case) -> tuple[Array, Array] | None:
-    """Rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
-        return None
-    seen, expected, _ = pairs(case, zeros)
+    """Rigid motion from the table's F_b to the tracker's frame.
+
+    With too few poses it is that of the base reflectors; None without them.
+    """
+    if unloaded(case)["pose"].nunique() < FEWEST_POSES:
+        base = anchored(case) if case.settings.base_frame else None
+        return base and (base[0].T, -base[0].T @ base[1])
+    seen, expected, _ = pairs(case, unloaded(case))
     return _robust(expected, seen)
 
 

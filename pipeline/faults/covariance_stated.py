@@ -127,7 +127,7 @@ def misstated(asked: Screening) -> list[Mistake]:
         return []
     frames, units = _frames(asked.reduced.registration.R), _units()
     tried = frames if _elongated(case, own) else []
-    if abs(np.log(seen.scale)) > np.log(_USUAL):
+    if not (seen.usual or _loose(asked)):
         tried += [one for one in units if _near(one, case, own, seen.scale)]
     found = [*_as_stated(asked, own, tried)]
     if not found:
@@ -185,6 +185,19 @@ class _Scatter:
     loss: float
     scale: float
     alike: bool
+
+    @property
+    def usual(self) -> bool:
+        """Whether the readings scatter about as stated."""
+        return bool(abs(np.log(self.scale)) <= np.log(_USUAL))
+
+
+def _loose(asked: Screening) -> bool:
+    """Whether the readings scatter about as stated without those of one target."""
+    case, rows = asked.case, asked.case.readings
+    each = (rows[rows["target"] != name] for name in case.settings.measured)
+    of = (replace(asked, case=replace(case, readings=one), known=None) for one in each)
+    return any(one is not None and one.usual for one in map(_scatter, of))
 
 
 def _scatter(asked: Screening) -> _Scatter | None:

@@ -109,16 +109,12 @@ def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
     best, given = int(np.argmin(left)), normal.left(moved.force)
     wide = max(1.0, left[best] / normal.dof)
     p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
-    if p > alarms.LADDERS or not _fits(left[best], normal.dof, asked):
+    fits = chi2_beyond(left[best] / max(asked.spread[0], 1.0) ** 2, normal.dof)
+    if p > alarms.LADDERS or fits <= odds.FITS:
         return None
     groups = np.concatenate([np.eye(len(pose), dtype=bool), np.unique(pose)[:, None] == pose])
     others = np.append(np.delete(left, best), normal.another_zero(moved.force, groups))
     return None if others.min() - left[best] < odds.DECIDES * wide else tried[best]
-
-
-def _fits(left: float, dof: int, asked: Screening) -> bool:
-    """Whether the residuals are explained by the scatter of the readings."""
-    return bool(chi2_beyond(left / max(asked.spread[0], 1.0) ** 2, dof) > odds.FITS)
 
 
 def _tried(moved: PullMoves, pose: Ints) -> list[Ints]:

@@ -229,8 +229,7 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> OrderFit:
 
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
     """Mask of pulls with displacements that a force can cause, unlike bad readings, shape (m,)."""
-    off = moved.y - due[:, None] * (moved.G @ x)
-    square = np.mean(off**2, axis=1)
+    square = np.mean((moved.y - due[:, None] * (moved.G @ x)) ** 2, axis=1)
     return np.asarray(square <= _APART**2 * moved.usual(square))
 
 

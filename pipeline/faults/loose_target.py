@@ -7,6 +7,7 @@ the distances between the targets alone tell, whatever the robot does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -19,7 +20,7 @@ from pipeline.faults.reading import Shifted, shifted_readings
 from pipeline.machine.robot import configure
 from pipeline.system import alarms, odds
 from pipeline.system.contrasts import own_columns
-from pipeline.system.score_tests import Base
+from pipeline.system.score_tests import Base, ScoreTests
 from pipeline.system.simultaneous import Suspects, active_suspects, cost
 
 _NOTHING = 1e-30
@@ -29,8 +30,9 @@ _NOTHING = 1e-30
 def loose_target(asked: Screening) -> list[Mistake]:
     """The one target that gives way with the pull, if nothing else explains the distances as well.
 
-    Neither another target (`odds.DECIDES`), nor bad readings, each by itself; and beside it no
-    other target gives way, as all would on an effector that is soft.
+    Neither another target, nor bad readings, each by itself; and beside it no other target gives
+    way, as all would on an effector that is soft. Of two of which only the distance changes,
+    the springs tell which it is.
     """
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate)
     targets, stack = np.unique(asked.reduced.data.target), shifted.stack
@@ -40,14 +42,23 @@ def loose_target(asked: Screening) -> list[Mistake]:
     rows = np.where(stack.pull[:, None] < 0, 0.0, ways[stack.pull, stack.axis])
     each = [shifted.white.by_pose(rows * (stack.target == one)[:, None]) for one in targets]
     found = [base.beside_all(one) for one in each]
-    second, best = np.argsort([one.drop for one in found], kind="stable")[-2:].tolist()
-    least = 1.0 if asked.system.noise_stated else _NOTHING
-    variance, p = float(found[best].variance(least)), len(each) * float(found[best].p())
-    clear = found[best].drop - found[second].drop >= odds.DECIDES * variance
-    if p >= alarms.MOVED or not clear or not _alone(shifted, base, each, best, least):
+    least, springs = 1.0 if asked.system.noise_stated else _NOTHING, shifted.springs(asked.system)
+    more = np.zeros((len(springs.blocks.index) - len(rows), rows.shape[1]))
+    modelled = [springs.beside_all(np.vstack([one, more])) for one in each]
+    left = _likeliest(_likeliest(range(len(each)), found, least), modelled, least)
+    best, variance = left[0], float(found[left[0]].variance(least))
+    p = len(each) * float(found[best].p())
+    if p >= alarms.MOVED or len(left) > 1 or not _alone(shifted, base, each, best, least):
         return []
     off = float(np.linalg.norm(ways @ found[best].size, axis=1).max())
     return [_finding(asked, best, off, float(np.sqrt(found[best].drop / variance)), p)]
+
+
+def _likeliest(some: Sequence[int], found: Sequence[ScoreTests], least: float) -> list[int]:
+    """The best one, and those that are not less likely than it by `odds.DECIDES`."""
+    first = max(some, key=lambda k: found[k].drop)
+    near = found[first].drop - odds.DECIDES * float(found[first].variance(least))
+    return [first, *(k for k in some if k != first and found[k].drop > near)]
 
 
 def _alone(shifted: Shifted, base: Base, each: list[Array], best: int, least: float) -> bool:

@@ -31,8 +31,11 @@ from pipeline.reduction.case import Case
 
 
 def placement(case: Case) -> list[Mistake]:
-    """The mistake that the readings are not in F_b, if only a common rigid motion is wrong."""
-    free, where = miss(case), anchored(case)
+    """The mistake that the readings are not in F_b, if only a common rigid motion is wrong.
+
+    One pose shows it, too, unless its row of the joint log is wrong instead.
+    """
+    free, where = miss(case, fewest=1), anchored(case)
     if free is None or where is None or free >= GROSS_DISTANCE_M or not_rigid(case) is not None:
         return []
     seen, expected, _ = pairs(case, unloaded(case))

@@ -75,7 +75,7 @@ def moved(asked: Screening, last: bool = False) -> list[Mistake]:
     rivals = float(_by_one(asked, shifted, base, variance)[place]), zero
     if max(rivals[: 2 - last]) >= worth:
         return []
-    base = shifted.springs(system, columns[first] * _of(shifted, pose))
+    base = shifted.springs(system, columns[first] * (shifted.stack.pose == pose)[:, None])
     beside, others = _flat(base.beside(D)), np.arange(len(found.drop)) // from_state
     single = _by_one(asked, shifted, base, variance)
     others = (others != place) & (_worth(beside, variance) > single[others])
@@ -106,11 +106,6 @@ def _by_one(asked: Screening, shifted: Shifted, base: Base, variance: float) -> 
     if not asked.cell.tool.six:
         np.maximum.at(best, place, _worth(shifted.beside(base), variance))
     return best
-
-
-def _of(shifted: Shifted, pose: int) -> Array:
-    """Mask of the rows of a pose, shape (R, 1)."""
-    return (shifted.stack.pose == pose)[:, None].astype(float)
 
 
 def _columns(shifted: Shifted, data: Measured) -> tuple[Array, int, list[Array]]:
@@ -190,7 +185,8 @@ def _finding(
         np.where(unloaded, np.isin(rows["group"], [zeros[n] for k, n in lost if k < 0]), again)
     ]
     group, sigmas = str(out["group"].iloc[0]), float(np.sqrt(drop))
-    between = " and ".join(_named(one, repeat) for one, _ in states[first - 1 : first + 1])
+    named = [f"pull {repeat[k]}" if k >= 0 else "its unloaded state" for k, _ in states]
+    between = " and ".join(named[first - 1 : first + 1])
     at = of_group(asked.case, group, set(rows["target"]))
     return outlying(
         group,
@@ -219,11 +215,6 @@ def _parts(states: _States, first: int) -> tuple[_States, str]:
     if after > before:
         return parts[0], "its states before"
     return (parts[1], "those that follow") if before else (parts[0], "")
-
-
-def _named(pull: int, repeat: Ints) -> str:
-    """A state of a pose in words."""
-    return f"pull {repeat[pull]}" if pull >= 0 else "its unloaded state"
 
 
 FAULT = Fault("outlier", moved)

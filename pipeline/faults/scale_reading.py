@@ -427,6 +427,8 @@ def _judged(asked: Screening, righted: _Righted) -> list[Mistake]:
 def _by_law(asked: Screening, righted: _Righted) -> bool:
     """Whether the law of a cause, free in the pulls of such an error, explains it about as well.
 
+    It must explain it better where no other pull stands out.
+
     With a the whitened column of the error, o its size [N], and z that of the law in these pulls
     alone, T = (z'P (y + o a))^2 / z'P z, with P and y as in `system.score_tests`.
     """
@@ -438,7 +440,7 @@ def _by_law(asked: Screening, righted: _Righted) -> bool:
         each = own[:, np.abs(own[righted.rows(int(k))]).max(axis=0, initial=0.0) > 0]
         logged = righted.logged(int(k), float(off))[1]
         found = logged.beside(righted.white(each)[None, :, :, None]).of_block(0)
-        if (found.drop > drop - odds.DECIDES).any():
+        if (found.drop > drop - (0.0 if righted.clear else odds.DECIDES)).any():
             return True
     return False
 
@@ -496,8 +498,7 @@ def _freed(
     """
     of = np.eye(len(data.pulls)) if of is None else of
     columns = by_force(cell, data, estimate.value)[:, None] * of[system.rows.pull]
-    typical = system.typical
-    base = Base.of(white(system.B) * typical, white(estimate.residual))
+    base = Base.of(white(system.B) * system.typical, white(estimate.residual))
     return base, base.beside(white(columns)[None, ..., None]).of_block(0)
 
 

@@ -139,8 +139,7 @@ def _copy(asked: Screening, names: tuple[str, str], here: tuple[Any, Any]) -> in
 
 def _without_noise(still: pd.DataFrame) -> bool:
     """Whether repeated zeros and base readings are mostly equal."""
-    groups = still.groupby(["at", "target"], observed=True)
-    more = int((groups.size() - 1).sum())
+    more = int((still.groupby(["at", "target"], observed=True).size() - 1).sum())
     return more > 0 and still.duplicated(["at", "target", *XYZ]).sum() > _SCATTERS * more
 
 

@@ -98,8 +98,7 @@ def sheets() -> tuple[DataSheet, ...]:
 
 def sheet(model: str) -> DataSheet | None:
     """Data sheet of a type of instrument, regardless of spelling; None if unknown."""
-    mine = _type(model)
-    return next((one for one in sheets() if mine in map(_type, one.names)), None)
+    return next((one for one in sheets() if _type(model) in map(_type, one.names)), None)
 
 
 def near(model: str) -> list[str]:

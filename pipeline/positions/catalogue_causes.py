@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
@@ -277,13 +278,18 @@ def renewed(every: Sequence[CatalogueCause], found: Calibration) -> tuple[Catalo
 
 
 def chances(found: Calibration, groups: Sequence[Ints | slice], signs: Array) -> list[float]:
-    """Probability, for each group of parameters, that any group has as large a T in the copies."""
+    """Probability, for each group of parameters, that any group has as large a T in the copies.
+
+    It is at least that by chi-square for all groups: scales of those that explain nothing vanish,
+    and with them what they would explain in the copies.
+    """
     if not groups:
         return []
     copies, every = law_tests.score(found, signs).x, np.arange(len(found.solution.x))
     P = precision(found.mechanism, found.known)[0]
     T = np.stack([_explained(found, P, every[one], copies) for one in groups])
-    return list(law_tests.beyond_copies(T).tolist())
+    least = len(T) * special.gammaincc([0.5 * len(every[one]) for one in groups], 0.5 * T[:, 0])
+    return list(np.minimum(np.maximum(law_tests.beyond_copies(T), least), 1.0).tolist())
 
 
 def _physical(cause: CatalogueCause) -> bool:

@@ -70,8 +70,7 @@ def _check_size(
     """
     if not len(rows):
         return
-    count = int(together.max()) + 1
-    label = together + count * shots.file[rows]
+    label = together + (int(together.max()) + 1) * shots.file[rows]
     member = pa.array(label).dictionary_encode().indices.to_numpy().astype(np.int64)
     seen, expected = (_spread(points, member) for points in (shots.position[rows], nominal))
     enough = (expected > _SMALLEST_M) & (seen > 0)

@@ -109,8 +109,7 @@ def with_rounds_exchanged(
         return readings, tuple(stations)
     here, there = (list(rows) for rows in zip(*both, strict=True))
     columns = [*XYZ, *covariance.columns()]
-    kept = shot.loc[here + there, columns].to_numpy()
-    shot.loc[there + here, columns] = kept
+    shot.loc[there + here, columns] = shot.loc[here + there, columns].to_numpy()
     return one_station(settings, shot)
 
 

@@ -38,6 +38,5 @@ def eliminate(M: Array, base: Ints) -> Array:
     values, vectors = linear.directions(scaled)
     kept = values > linear.PRODUCTS
     inverse = np.where(kept, 1 / np.where(kept, values, 1), 0)
-    side = M[..., base, :] / size[..., :, None]
-    half = np.swapaxes(vectors, -1, -2) @ side
+    half = np.swapaxes(vectors, -1, -2) @ (M[..., base, :] / size[..., :, None])
     return np.asarray(M - np.swapaxes(half, -1, -2) @ (inverse[..., :, None] * half))

@@ -150,8 +150,7 @@ def tracker_noise(system: System) -> float:
     Args:
         system: A system whose noise of the tracker is still relative.
     """
-    typical = system.typical
-    blocks = PaddedRows.of(system, system.B * typical, [TRACKED])
+    blocks = PaddedRows.of(system, system.B * system.typical, [TRACKED])
     if blocks.dof < 1 or blocks.rough < np.log(_NO_NOISE_M) + 4:  # only rounding is left
         return _NO_NOISE_M
     (log_s,) = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))

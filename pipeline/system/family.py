@@ -26,6 +26,7 @@ from itertools import product
 import numpy as np
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.odds import DECIDES
 from pipeline.system.spells import States
@@ -343,7 +344,7 @@ def _with_spells(found: Family, seen: Array, states: States) -> tuple[Family, Ar
         states: Of these readings.
     """
     quiet, wide, odd = found._laws
-    laws = quiet + odd, wide + odd
+    laws = quiet + odd + linear.TINY, wide + odd + linear.TINY  # readings may be beyond all
     chance = [law @ seen.T for law in laws]  # (f, n)
     mean = [(law * np.exp(_GRID)) @ seen.T / p for law, p in zip(laws, chance, strict=True)]
     noisy = np.zeros((_FAMILIES, len(states.key)))

@@ -185,10 +185,10 @@ def maximum(blocks: PaddedRows, determined: Bools) -> tuple[Array, Array, Array]
 def lowest(loss: _Loss, start: Array) -> Array:
     """Minimum of a loss by Newton's method."""
     x = start
-    for _ in range(40):
-        if not len(x):
-            break
+    for _ in range(40 if len(x) else 0):
         gradient, H, _ = _derivatives(loss, x)
+        if not np.isfinite(H).all():  # rows without noise: rounding is left
+            break
         values, vectors = linear.directions(H)
         move = vectors @ (vectors.T @ gradient / np.maximum(np.abs(values), 0.5))
         move = np.clip(move, -0.7, 0.7)

@@ -153,8 +153,7 @@ def restless(data: Measured, moves: Array, time_s: float) -> Array:
         alike[rows, : len(rows)] = linear.factor(np.exp(-np.abs(t[:, None] - t) / time_s))
     of_row = np.repeat(alike[data.pull], 3, axis=0)
     out = (moves[:, :, None] * of_row[:, None, :]).reshape(len(data.pull), 3, -1)
-    mean = max(float(np.mean(np.sum(out**2, axis=2))), linear.TINY)
-    return np.asarray(out / np.sqrt(mean))
+    return np.asarray(out / np.sqrt(max(float(np.mean(np.sum(out**2, axis=2))), linear.TINY)))
 
 
 def wander(

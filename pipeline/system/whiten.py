@@ -40,7 +40,7 @@ class Whitener(Locked):
 
         Computed on demand: rows with priors do not need the square root of the whole.
         """
-        axes, size, _ = np.linalg.svd(self.common, full_matrices=False)
+        axes, size, _ = linear.principal(self.common, full=False)
         return axes, 1 - 1 / np.sqrt(1 + size**2)
 
     def by_pose(self, rows: Array) -> Array:

@@ -84,6 +84,12 @@ LOOK = {"worst_target": "P7", "worst_pose": 12, "worst_m": 0.0042}
             "be chance. No cause is identified.",
         ),
         (
+            Finding.UNCONFIRMED,
+            facts(causes=(A, B), noisy=True),
+            "roll and tilt fit best, but the readings scatter more than stated, and "
+            "cross-validation requires four poses. No cause is identified.",
+        ),
+        (
             Finding.REMAINDER,
             facts(causes=(A, B), outside=OUT, remainder=2.34),
             "roll and tilt fit best, but what is left is 2.3 times the scatter of the readings, "

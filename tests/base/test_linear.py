@@ -339,3 +339,20 @@ def test_a_small_rotation_moves_a_lever_by_the_cross_product():
 def test_the_root_mean_square_of_three_and_four():
     """sqrt((9 + 16) / 2), whatever the shape."""
     assert linear.rms(np.array([[3.0], [-4.0]])) == pytest.approx(np.sqrt(12.5))
+
+
+@pytest.mark.parametrize("found", ["orthonormal", "complement", "span"])
+def test_divide_and_conquer_that_does_not_converge_is_replaced(found, monkeypatch):
+    """LAPACK's gesdd gives up on some finite matrices; QR iterations span the same space."""
+    X = np.random.default_rng(5).standard_normal((7, 4)) @ np.diag([1.0, 1.0, 1.0, 0.0])
+    more = {"span": (1e-9,)}.get(found, ())
+    due = getattr(linear, found)(X, *more)
+
+    def fails(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setattr(np.linalg, "svd", fails)
+    got = getattr(linear, found)(X, *more)
+
+    assert got.shape == due.shape
+    np.testing.assert_allclose(got @ got.T, due @ due.T, atol=1e-12)

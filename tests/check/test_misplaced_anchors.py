@@ -11,6 +11,7 @@ import pipeline
 from pipeline.check.misplaced_anchors import misplaced
 from pipeline.faults.anchor import wrong_anchors
 from pipeline.faults.fault import Screening
+from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 
@@ -169,3 +170,18 @@ def test_a_run_tells_the_line_of_the_anchor_and_identifies_the_springs_with_the_
     right = pipeline.identify(pipeline.load_campaign(one.files())).answer
     for joint, known in zip(answer.stiffness, right.stiffness, strict=True):
         assert abs(joint.compliance - known.compliance) < 2 * known.compliance_std
+
+
+@pytest.mark.parametrize("seed", [4, 7])
+def test_a_pose_that_is_wrong_moves_no_anchor(seed):
+    """Its unloaded readings are in the place of a pull's, so all its displacements are off."""
+    given = asked(Anchored.of(seed, anchors=3, poses=8))
+    rows, of = given.case.readings.copy(), given.case.readings["group"]
+    groups = of[rows["pose"] == 3].unique()
+    seen = rows["target"].isin(given.case.settings.measured)
+    zero, pull = (seen & (of == group) for group in (groups[0], groups[-1]))
+    there = rows.loc[pull, [*XYZ]].to_numpy()
+    rows.loc[pull, [*XYZ]], rows.loc[zero, [*XYZ]] = rows.loc[zero, [*XYZ]].to_numpy(), there
+    case = replace(given.case, readings=rows)
+
+    assert misplaced(Screening(case, case.cell, case.robot.nominal_compliance)) == []

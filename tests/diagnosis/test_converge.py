@@ -13,6 +13,7 @@ from world_files import written
 from pipeline.diagnosis import converge as module
 from pipeline.diagnosis.converge import converge
 from pipeline.diagnosis.verdict import verdict
+from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, inline
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -301,3 +302,30 @@ def test_few_wrong_forces_are_likelier_than_a_scale_out_of_order(
     monkeypatch.setattr(module, "_bounded", lambda end: end)
 
     assert (converge(None, None, None, inline) is ends[1]) == named
+
+
+def test_mistakes_are_asked_without_a_strange_law_and_beside_the_listed_causes(monkeypatch):
+    """A typed force may look like a law of the scale, and is told once the tilt is in the model."""
+    case = small(4)
+    tilt = next(e for e in catalogue(case.robot, bring(case).data.pulls) if e.name == "joint_tilt")
+    strange = replace(tilt, law="any")
+    said = SimpleNamespace(
+        as_stated=None,
+        modelled=(strange, tilt),
+        causes=tuple(SimpleNamespace(effect=one) for one in (strange, tilt)),
+        seen=SimpleNamespace(suspects=()),
+    )
+    end = SimpleNamespace(diagnosis=said, screened=SimpleNamespace(key=()))
+    asked = []
+    monkeypatch.setattr(module, "_tails", lambda *_: None)
+    monkeypatch.setattr(module, "files_beside", lambda _, files, base: base)
+    monkeypatch.setattr(
+        module,
+        "singles_of",
+        lambda base, *_: asked.append(base) or SimpleNamespace(key=len(asked)),
+    )
+
+    module._supposed(case, SimpleNamespace(case=case), end)
+
+    assert [one.cell.effects for one in asked] == [case.cell.effects, (*case.cell.effects, tilt)]
+    assert [len(one.start) for one in asked] == [len(one.cell.parameters) for one in asked]

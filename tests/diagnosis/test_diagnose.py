@@ -297,3 +297,22 @@ def test_the_same_campaign_gets_the_same_diagnosis():
     second, *_ = examined(28, "compensator=2x")
 
     assert diagnosis_of_good_data(first, KR500) == diagnosis_of_good_data(second, KR500)
+
+
+@pytest.mark.parametrize(("noise_scale", "due"), [(1.0, "explained"), (3.0, "unexplained")])
+def test_three_poses_confirm_a_cause_where_the_stated_noise_holds(noise_scale, due):
+    """A carriage that rolls; with three times the stated noise a fourth pose is required."""
+    plan = Plan(
+        poses={"count": 3},
+        pulls={"steps_n": [1000, 2000, 3000, 1500]},
+        tracker={"noise_scale": noise_scale},
+        hidden={"effects": ["rail_roll=5x"], "stiffness_spread": 0.25, "tool_sd_m": 2e-4},
+    )
+    files = simulate(plan, np.random.default_rng(0)).files
+
+    answer = campaign_answer("three", in_memory(files)).answer
+
+    assert answer.diagnosis.verdict == due
+    assert any("requires four poses" in said for said in answer.verdict_sentence) == (
+        due == "unexplained"
+    )

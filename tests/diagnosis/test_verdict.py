@@ -419,3 +419,11 @@ def test_a_cause_is_no_excuse_for_noise_that_cannot_be():
     assert "Identified in addition to the joint springs" in said
     assert "scatter 17 times as much as stated" in said
     assert "P1 of pose 11" in said
+
+
+@pytest.mark.parametrize(
+    ("noisy", "due"), [(False, Verdict.EXPLAINED), (True, Verdict.UNEXPLAINED)]
+)
+def test_few_noisy_poses_confirm_no_cause(noisy, due):
+    """Without cross-validation, a cause rests on the stated noise, which must then hold."""
+    assert verdict(replace(FOUND, gain=None, noisy=noisy)) is due

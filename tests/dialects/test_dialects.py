@@ -647,3 +647,23 @@ def test_a_time_at_which_nobody_measured_costs_its_row(year):
         export = readers.read("t", text.encode(), MM)
 
         assert [line for line, _ in export.rejected] == rejected
+
+
+@pytest.mark.parametrize("x", ["X", "X [m]", "x"])
+def test_a_title_may_be_stated_without_its_unit(x):
+    """Its unit is read all the same; a title that is written out goes first."""
+    columns = {"group": "Serie", "target": "Punkt", "x": x, "y": "Y", "z": "Z"}
+    row = "Serie;Punkt;X [m];Y [m];Z [m]\ng;P1;1.5;-2.5;0.25\n"
+
+    got = readers.read("t", row.encode(), ExportSettings(mapping=Columns(columns=columns)))
+
+    np.testing.assert_allclose(got.position, [[1.5, -2.5, 0.25]])
+
+
+def test_a_title_that_two_columns_share_is_asked():
+    """In millimetres and in inches: nobody says which."""
+    columns = {"group": "g", "target": "P", "x": "X", "y": "Y", "z": "Z"}
+    row = b"g;P;X [mm];X [in];Y [mm];Z [mm]\ng;P1;1;2;3;4\n"
+
+    with pytest.raises(InputError, match='there are 2 columns "X" for x'):
+        readers.read("t", row, ExportSettings(mapping=Columns(columns=columns)))

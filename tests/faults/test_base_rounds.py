@@ -164,3 +164,16 @@ def test_a_robot_that_stands_elsewhere_dates_no_station_back(shot):
     one = right.stations[0]
     rows.loc[odd, XYZ] = rows.loc[odd, XYZ].to_numpy(float) @ one.turn.T + one.shift
     assert not carried(replace(right, readings=rows))
+
+
+def test_a_tracker_carried_early_is_no_exchange_of_rounds():
+    """After pose 1 of six: with the rounds exchanged all other poses would be in their places."""
+    case = small(3)
+    rows = case.readings.copy()
+    since = rows["time"] >= rows["time"][rows["pose"] == 2].min()
+    rows.loc[since, XYZ] = (rows.loc[since, XYZ].to_numpy(float) - CARRIED) @ TURN
+    spoilt = brought(replace(case, readings=rows))
+
+    assert base_rounds(spoilt) == []
+    (found,) = carried(spoilt)
+    assert (found.name, found.where) == ("tracker_moved", "after pose 1")

@@ -312,6 +312,25 @@ def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
     assert away.max() < 2e-3
 
 
+@pytest.mark.parametrize("poses", [1, 2])
+def test_so_are_those_of_one_pose_or_two(poses):
+    """The same rigid motion explains all of their reflectors."""
+    kept = set(np.unique(good().joints["pose"])[:poses])
+    tables = {name: getattr(good(), name) for name in ("readings", "loads", "joints")}
+    few = replace(
+        good(),
+        **{
+            name: rows[rows["pose"].isna() | rows["pose"].isin(kept)]
+            for name, rows in tables.items()
+        },
+    )
+
+    (found,) = placement(no_base(few))
+
+    assert found.where == "base_frame"
+    assert placement(found.correct(no_base(few))) == placement(few) == []
+
+
 def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():
     """Covariances in the export are in its unit; those in campaign.toml are in metres."""
     rows = good().readings

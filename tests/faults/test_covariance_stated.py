@@ -165,3 +165,14 @@ def test_many_readings_that_are_off_are_no_unit(part, far_mm):
     moved = {f"{axis}_m": rows[f"{axis}_m"] + off[:, k] for k, axis in enumerate("xyz")}
     said = misstated(asked(replace(case, readings=rows.assign(**moved))))
     assert [one.name for one in said if one.name == "unit_mixup"] == []
+
+
+@pytest.mark.parametrize("name", ["P1", "P3"])
+def test_one_target_that_moves_does_not_misstate_all_readings(name):
+    """Its readings scatter 5 times as stated, those of the others as stated."""
+    rows, rng = good().readings, np.random.default_rng(3)
+    mine = (rows["target"] == name).to_numpy()
+    shift = np.where(mine[:, None], 5 * ACROSS * rng.standard_normal((len(rows), 3)), 0.0)
+    points = rows[["x_m", "y_m", "z_m"]] + shift
+
+    assert misstated(asked(replace(good(), readings=rows.assign(**points)))) == []

@@ -418,7 +418,7 @@ def test_a_frame_that_is_another_one_in_words(monkeypatch):
     shift = np.array([0.3, 0.0, 0.4])
     seen = (expected - shift) @ turn  # where it has to be turned from
     monkeypatch.setattr(placement, "not_rigid", lambda case: None)
-    monkeypatch.setattr(placement, "miss", lambda case: 0.002)
+    monkeypatch.setattr(placement, "miss", lambda case, fewest: 0.002)
     monkeypatch.setattr(placement, "unloaded", lambda case: "zeros")
     monkeypatch.setattr(placement, "pairs", lambda case, zeros: (seen, expected, None))
     monkeypatch.setattr(placement, "anchored", lambda case: (np.eye(3), np.zeros(3)))
@@ -442,7 +442,7 @@ def test_a_frame_that_is_another_one_in_words(monkeypatch):
     for name, value in (("miss", None), ("miss", GROSS_DISTANCE_M), ("anchored", None),
                         ("not_rigid", 0.1), ("miss", away / 2.9)):  # fmt: skip
         with monkeypatch.context() as one:
-            one.setattr(placement, name, lambda case, value=value: value)
+            one.setattr(placement, name, lambda case, fewest=0, value=value: value)
             assert placement.placement(Some(settings=Some(base_frame={}))) == []
 
 

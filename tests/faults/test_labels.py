@@ -108,11 +108,15 @@ def test_base_reflectors_misnamed_in_one_round_are_put_back_there(names):
 
 
 def test_good_names_are_left_alone():
-    """Nothing is found if nothing is wrong, nor with too few poses."""
+    """Nothing is found if nothing is wrong; two poses are told by the base reflectors alone."""
     assert labels(good()) == base_names(good()) == []
     few = good().joints["pose"] <= 2
+    assert labels(replace(good(), joints=good().joints[few])) == []
     bad = written("pose02_rep0_unloaded", {"P1": "P2", "P2": "P1"})
-    assert labels(replace(bad, joints=good().joints[few])) == []
+    bad = replace(bad, joints=good().joints[few])
+    assert [one.where for one in labels(bad)] == ["pose02_rep0_unloaded"]
+    bare = bad.settings.model_copy(update={"base_frame": {}})
+    assert labels(replace(bad, settings=bare)) == []
 
 
 def test_two_states_are_two_findings():
@@ -253,7 +257,8 @@ def test_distances_of_the_chain_are_from_the_load_point():
     ends = rows[rows["target"].isin(["Pl1", "Pl2"])].groupby("group")[XYZ]
     apart = ends.agg(np.ptp).pow(2).sum(axis=1).pow(0.5).loc[table["group"]]
     assert (table["far"] - table["near"]).to_numpy() == pytest.approx(apart.to_numpy(), rel=0.05)
-    assert aligned(replace(good(), joints=good().joints[:2])) is None
+    bare = good().settings.model_copy(update={"base_frame": {}})
+    assert aligned(replace(good(), joints=good().joints[:2], settings=bare)) is None
 
 
 def test_an_end_of_the_chain_that_is_named_in_a_round_of_the_base_is_no_exchange():
@@ -261,3 +266,12 @@ def test_an_end_of_the_chain_that_is_named_in_a_round_of_the_base_is_no_exchange
     mixed = ingested(in_memory(dict(spoilt(110946).files)), plausible=False)
 
     assert {one.name for one in labels(mixed)} <= {"label_swap"}
+
+
+def test_chain_ends_exchanged_in_one_of_two_poses_are_named():
+    """The base reflectors say where the load point was."""
+    groups = ["pose02_rep1_loaded", "pose02_rep2_loaded"]
+    bad = written(groups, {"Pl1": "Pl2", "Pl2": "Pl1"})
+    few = replace(bad, joints=bad.joints[bad.joints["pose"] <= 2])
+
+    assert [(one.name, one.where) for one in labels(few)] == [("label_swap", g) for g in groups]

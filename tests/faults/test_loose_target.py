@@ -70,3 +70,20 @@ def test_a_reading_that_is_off_or_a_target_that_moved_does_not_yield(since):
 
     assert loose_target(asked(moved(case(), mine, np.array([2e-3, 0, 0])))) == []
     assert loose_target(asked(moved(case(), one, np.array([0, 2e-3, 0])))) == []
+
+
+@pytest.mark.parametrize("names", [("P1", "P3", "P2"), ("P2", "P1", "P3")])
+def test_which_of_two_targets_yields_is_told_by_the_springs(names):
+    """Only the distance of two changes, since the one that yields keeps its own to the third."""
+    rows, keys = case().readings, ["pose", "state", "repeat"]
+    mine, at = (rows["target"] == names[0]).to_numpy(), rows.groupby([*keys, "target"])[XYZ].mean()
+    states = [*rows.loc[mine, keys].itertuples(index=False, name=None)]
+    own, other, third = (np.array([at.loc[(*one, name)] for one in states]) for name in names)
+    keeps = (third - own) / np.linalg.norm(third - own, axis=1, keepdims=True)
+    way = other - own - np.sum((other - own) * keeps, axis=1, keepdims=True) * keeps
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    share = np.linalg.norm(pulls(), axis=1)[mine, None]
+
+    (one,) = loose_target(asked(moved(case(), mine, 2e-3 * share * way)))
+
+    assert (one.name, one.where) == ("loose_target", names[0])

@@ -1,11 +1,15 @@
 """Copies of residuals without a law must be as large as the noise from which residuals arise."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from made_positions import made, weightless
 from scipy import stats
 
 from pipeline.machine.robot import load
+from pipeline.positions import catalogue_causes
+from pipeline.positions import law_tests as law_tests_module
 from pipeline.positions.calibrate import ModelStructure
 from pipeline.positions.cross_validation import LeftOutPoses, partings
 from pipeline.positions.initial import begin
@@ -116,3 +120,25 @@ def test_the_largest_of_copies_have_the_extreme_value_distribution_of_a_library(
     rng = np.random.default_rng(4)
     for most in (rng.gumbel(2.0, 0.3, 200), np.append(np.zeros(499), 1.0)):
         assert gumbel(most) == pytest.approx(stats.gumbel_r.fit(most), rel=1e-9)
+
+
+@pytest.mark.parametrize(("T", "named"), [(14.0, False), (40.0, True)])
+def test_what_vanished_counts_among_what_was_tried(T, named, monkeypatch):
+    """Of 30 waves one is left: in the copies, those that vanished explain nothing."""
+    size = {"x": np.zeros((60, 200))}
+    monkeypatch.setattr(law_tests_module, "score", lambda *_: SimpleNamespace(**size))
+    monkeypatch.setattr(catalogue_causes, "precision", lambda *_: (None, None))
+    draws = stats.chi2(2).rvs(201, random_state=5)
+
+    def explained(_, __, at, ___):
+        return np.concatenate([[T], draws[1:]]) if at[0] == 0 else 1e-9 * np.roll(draws, at[0])
+
+    monkeypatch.setattr(catalogue_causes, "_explained", explained)
+    found = SimpleNamespace(solution=SimpleNamespace(x=np.zeros(60)), mechanism=None, known=None)
+    groups = [slice(2 * k, 2 * k + 2) for k in range(30)]
+
+    first, *others = catalogue_causes.chances(found, groups, np.ones((200, 50)))
+
+    assert first >= min(1.0, 30 * stats.chi2(2).sf(T)) * (1 - 1e-9)
+    assert (first < LAW) is named
+    assert min(others) == 1.0

@@ -307,3 +307,14 @@ def test_where_no_reading_is_left_the_stated_family_stays():
     told, _ = family(laws, States.each(none.reshape(0, 2)), False, none)
 
     assert told.loosest is None
+
+
+def test_a_reading_beyond_every_law_weighs_next_to_nothing():
+    """Metres off, as where the log has ten times the force: no law reaches so far."""
+    x = np.random.default_rng(4).standard_normal((len(KEYS), 3))
+    x[7] = 1e7
+
+    _, lam = family(likelihood(x**2, np.full(x.shape, 2.0), np.ones(len(x))), STATES, paper=False)
+
+    assert np.isfinite(lam).all()
+    assert lam[7] > 1e3 * np.median(lam)

@@ -267,3 +267,15 @@ def test_the_lowest_place_of_a_valley_is_found():
     assert lowest(bent, np.array([1.5, -1.5])) == pytest.approx([0.3, -0.38], abs=1e-3)
     assert lowest(falling, np.array([0.2])) == pytest.approx([-3.8])
     assert lowest(falling, np.zeros(0)).shape == (0,)
+
+
+def test_a_valley_that_rounding_ends_is_left_where_it_is_still_known():
+    """Below 1 the loss is not a number, as of rows whose noise is zero."""
+
+    def broken(x):
+        return np.array([x[0] if x[0] > 1 else np.nan]), 0.0
+
+    found = lowest(broken, np.array([2.0]))
+
+    assert np.isfinite(found).all()
+    assert found[0] < 2.0

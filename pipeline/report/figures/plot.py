@@ -17,10 +17,6 @@ Tips = dict[str, list[str]]
 """Texts shown at the marks of an artist, in drawing order, by id of the artist."""
 
 
-def _nothing(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    return {}
-
-
 @dataclass(frozen=True)
 class Plot:
     """One figure.
@@ -40,7 +36,7 @@ class Plot:
     name: str
     needs: tuple[str, ...]
     write: Callable[[Answer, Tables], Figure | None]
-    draw: Callable[[Canvas, Answer, Tables], Tips] = _nothing
+    draw: Callable[[Canvas, Answer, Tables], Tips] = lambda *_: {}
     live: Callable[[Answer, Tables], dict[str, Any]] | None = None
     by_hand: Callable[[Answer, Tables], str] | None = None
     spoken: Callable[[Answer, Tables, Say], str] | None = None
