@@ -150,6 +150,11 @@ _Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
 the rows weighted accordingly."""
 
 
+_COLLAPSED = 0.5
+"""Mean variance of the readings over that of all residuals [1], below which few readings that judge
+each other have lost the scale: it is then that of the residuals (see `_overstated`)."""
+
+
 def shape(
     seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False
 ) -> NoiseShape:
@@ -252,11 +257,13 @@ def _tails(
         variance *= less
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
-    start = variance
+    start, least = variance, variance[0] * min(beyond.base.rest / beyond.base.dof, 1.0)
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
         states, targets = _in_time(readings.state[good], data.pulls), readings.targets(data)[good]
         told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
+        if len(mean) and (low := np.mean(mean) / least) < _COLLAPSED:
+            told, mean = told.of(float(low**-0.5)), mean / low
         first = found if turn else told
         found = replace(
             told,
