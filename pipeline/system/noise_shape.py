@@ -150,9 +150,10 @@ _Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
 the rows weighted accordingly."""
 
 
-_COLLAPSED = 0.5
-"""Mean variance of the readings over that of all residuals [1], below which few readings that judge
-each other have lost the scale: it is then that of the residuals (see `_overstated`)."""
+_COLLAPSED, _FEW = 0.5, 100
+"""Mean variance of the readings over that of all residuals [1], below which readings of so few
+degrees of freedom have lost the scale as they judge each other (see `_overstated`): the stated
+noise, which the residuals do not contradict, then stands."""
 
 
 def shape(
@@ -262,8 +263,8 @@ def _tails(
         square, spread, good = estimates(beyond.base, readings)
         states, targets = _in_time(readings.state[good], data.pulls), readings.targets(data)[good]
         told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
-        if len(mean) and (low := np.mean(mean) / least) < _COLLAPSED:
-            told, mean = told.of(float(low**-0.5)), mean / low
+        if len(mean) > 0 and beyond.base.dof < _FEW and np.mean(mean) < _COLLAPSED * least:
+            told, mean = Family.stated(data.paper), start[good]
         first = found if turn else told
         found = replace(
             told,
