@@ -399,6 +399,8 @@ def principal(X: Array, full: bool = True) -> tuple[Array, Array, Array]:
     try:
         return np.linalg.svd(X, full_matrices=full)
     except np.linalg.LinAlgError:
+        if not np.isfinite(X).all():
+            raise
         U, s, Vt = scipy.linalg.svd(X, full_matrices=full, lapack_driver="gesvd")
         return U, s, Vt
 

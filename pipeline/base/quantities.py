@@ -162,8 +162,7 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
     sizes = sorted(abs(v) for v in values if known(v) and v != 0)
     if not sizes:
         return 1.0, ""
-    middle = sizes[len(sizes) // 2]
-    power = min(max(3 * math.floor(math.log10(middle) / 3), -9), 9)
+    power = min(max(3 * math.floor(math.log10(sizes[len(sizes) // 2]) / 3), -9), 9)
     return 10.0**power, _PREFIXES[power]
 
 

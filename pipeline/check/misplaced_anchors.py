@@ -210,6 +210,8 @@ def _certain(pulls: _Pulls, best: _Fit, none: _Fit) -> bool:
 def _of_one_pose(pulls: _Pulls, claim: _Claim) -> bool:
     """Whether the pulls of one pose alone contradict the log: then that pose is wrong."""
     other = claim.place != pulls.place if claim.step else claim.place == claim.anchor
+    if len(np.unique(pulls.pose)) < 2:
+        return False
     for pose in np.unique(pulls.pose[other]).tolist():
         rest, kept = pulls.only(pulls.pose != pose), claim.only(pulls.pose != pose)
         x = rest.moved.solved(rest.moved.force)

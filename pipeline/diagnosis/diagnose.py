@@ -115,7 +115,7 @@ def diagnose(
     task, spread, found, stated = _searched(task, spread, estimate.value, rng)
     worth = _gain(task, found, rng)
     noisy = noise is not None and bool(noise.larger[noise.name == "tracker"].any())
-    facts = replace(_facts(task, found, spread), gain=worth, noisy=noisy)
+    facts = replace(_facts(task, found, spread), gain=worth, noisy=noisy and bool(found.accepted))
     sets = hypotheses(task, found, stood.believed, facts.helps)
     causes = of_displacements(task, found, worth, where, known, sets, rng.spawn(1)[0])
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)

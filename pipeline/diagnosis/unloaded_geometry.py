@@ -217,8 +217,7 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
             name = str(zeros.tool.targets[one.target])
             effect = target_moved.since(name, one.target, one.before, one.since)
         label, columns = f"{effect.label} {effect.form}", tuple(range(at.start, at.stop))
-        ways = 1 + (one.joint > 0)
-        yield _Suspect(label, columns, WIDE, ways * tries, effect=effect)
+        yield _Suspect(label, columns, WIDE, (1 + (one.joint > 0)) * tries, effect=effect)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:

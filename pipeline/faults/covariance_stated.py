@@ -195,7 +195,8 @@ class _Scatter:
 def _loose(asked: Screening) -> bool:
     """Whether the readings scatter about as stated without those of one target."""
     case, rows = asked.case, asked.case.readings
-    each = (rows[rows["target"] != name] for name in case.settings.measured)
+    names = {*rows["target"]} & {*case.settings.measured}
+    each = (rows[rows["target"] != name] for name in names if len(names) > 1)
     of = (replace(asked, case=replace(case, readings=one), known=None) for one in each)
     return any(one is not None and one.usual for one in map(_scatter, of))
 

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.linear import rigid
+from pipeline.base.linear import extent, rigid
 from pipeline.faults.base_names import not_rigid
 from pipeline.faults.conventions import (
     GROSS_ANCHORED_M,
@@ -33,16 +33,16 @@ from pipeline.reduction.case import Case
 def placement(case: Case) -> list[Mistake]:
     """The mistake that the readings are not in F_b, if only a common rigid motion is wrong.
 
-    One pose shows it, too, unless its row of the joint log is wrong instead.
+    Two poses show it, if their targets are not on a line; of one the log may be wrong instead.
     """
-    free, where = miss(case, fewest=1), anchored(case)
+    free, where = miss(case, fewest=2), anchored(case)
     if free is None or where is None or free >= GROSS_DISTANCE_M or not_rigid(case) is not None:
         return []
     seen, expected, _ = pairs(case, unloaded(case))
     R, t = where
     stand = seen @ R.T + t
     before = float(np.median(np.linalg.norm(stand - expected, axis=1)))
-    if before < GROSS_ANCHORED_M or before < CLEARLY_NEARER * free:
+    if before < max(GROSS_ANCHORED_M, CLEARLY_NEARER * free) or extent(stand)[1] < GROSS_DISTANCE_M:
         return []
     turn, shift = rigid(stand, expected)
     angle = np.rad2deg(np.arccos(np.clip((np.trace(turn) - 1) / 2, -1, 1)))

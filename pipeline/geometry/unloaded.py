@@ -433,8 +433,7 @@ class PoseRows(Locked):
         Args:
             transmission: Error of the joints at a pose over its usual size.
         """
-        usual = np.where(self.slides, START[True], START[False])
-        ZS = self.Z * (transmission * usual)
+        ZS = self.Z * (transmission * np.where(self.slides, START[True], START[False]))
         return np.asarray(self.N + ZS @ np.swapaxes(ZS, 1, 2))
 
 

@@ -134,8 +134,7 @@ def gather(
     slot_of_group, pose, repeat, loaded = _slots(
         group.dictionary, settings.naming, states or {}, letters
     )
-    role_of_target = _roles(target.dictionary.to_pylist(), settings)
-    role = role_of_target[np.asarray(target.indices)]
+    role = _roles(target.dictionary.to_pylist(), settings)[np.asarray(target.indices)]
     slot = slot_of_group[np.asarray(group.indices)]
     slot[role == BASE] = -1
     sizes = [len(export.line) for export in exports.values()]
@@ -503,8 +502,7 @@ def in_rounds(shots: RawReadings, width: int) -> RawReadings:
     by_time, by_row = _sittings(shots) if zeros else (slot, slot)
     for zero in zeros:
         in_pose = np.isin(shots.slot, np.flatnonzero(shots.pose == shots.pose[zero]))
-        all_timed = (by_time[in_pose] >= 0).all()
-        sitting = by_time if all_timed else by_row
+        sitting = by_time if (by_time[in_pose] >= 0).all() else by_row
         rows = np.flatnonzero(shots.slot == zero)
         rows = rows[np.argsort(sitting[rows], kind="stable")]
         round_ = _rounds(sitting[rows], shots.role[rows])

@@ -68,8 +68,7 @@ class Idle(Locked):
             rotation: Gives the covariance of the rotation from that of the position, (p, 3, 3)
                 both.
         """
-        count = np.bincount(self.pulls.pose)
-        every = np.flatnonzero(count[self.pulls.pose] == targets)
+        every = np.flatnonzero(np.bincount(self.pulls.pose)[self.pulls.pose] == targets)
         cov = self.cov[every].reshape(-1, targets, 3, 3).mean(axis=1)
         return Idle(
             self.pulls.part(every),

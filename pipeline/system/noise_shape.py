@@ -150,6 +150,12 @@ _Told = tuple[ReadingsOfRows, Family, Array, RowsByPose]
 the rows weighted accordingly."""
 
 
+_COLLAPSED, _FEW = 0.5, 100
+"""Mean variance of the readings over that of all residuals [1], below which readings of so few
+degrees of freedom have lost the scale as they judge each other (see `_overstated`): the stated
+noise, which the residuals do not contradict, then stands."""
+
+
 def shape(
     seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False
 ) -> NoiseShape:
@@ -252,11 +258,13 @@ def _tails(
         variance *= less
         beyond = RowsByPose.beside(seen, Q, with_readings(others, readings.scaled(data, variance)))
         readings = ReadingsOfRows.of(data, beyond.white)
-    start = variance
+    start, least = variance, variance[0] * min(beyond.base.rest / beyond.base.dof, 1.0)
     for turn in range(rounds):
         square, spread, good = estimates(beyond.base, readings)
         states, targets = _in_time(readings.state[good], data.pulls), readings.targets(data)[good]
         told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
+        if len(mean) > 0 and beyond.base.dof < _FEW and np.mean(mean) < _COLLAPSED * least:
+            told, mean = Family.stated(data.paper), start[good]
         first = found if turn else told
         found = replace(
             told,

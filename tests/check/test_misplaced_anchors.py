@@ -8,7 +8,7 @@ import pytest
 from anchored_campaign import Anchored
 
 import pipeline
-from pipeline.check.misplaced_anchors import misplaced
+from pipeline.check.misplaced_anchors import _Claim, _of_one_pose, _Pulls, misplaced
 from pipeline.faults.anchor import wrong_anchors
 from pipeline.faults.fault import Screening
 from pipeline.reduction.register import XYZ
@@ -185,3 +185,21 @@ def test_a_pose_that_is_wrong_moves_no_anchor(seed):
     case = replace(given.case, readings=rows)
 
     assert misplaced(Screening(case, case.cell, case.robot.nominal_compliance)) == []
+
+
+def test_a_campaign_of_one_pose_has_no_other_to_ask():
+    """Nothing is left without it."""
+    given = asked(Anchored.of(3, anchors=3, poses=2))
+    case = given.case
+    one = {
+        name: rows[rows["pose"].isna() | (rows["pose"] == 1)]
+        for name, rows in (
+            ("readings", case.readings),
+            ("loads", case.loads),
+            ("joints", case.joints),
+        )
+    }
+    case = replace(case, **one)
+    pulls = _Pulls.of(Screening(case, case.cell, case.robot.nominal_compliance))
+
+    assert pulls is None or not _of_one_pose(pulls, _Claim(pulls.place, step=1))

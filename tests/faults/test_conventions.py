@@ -312,9 +312,12 @@ def test_readings_that_are_not_in_the_base_frame_are_brought_there(plant):
     assert away.max() < 2e-3
 
 
-@pytest.mark.parametrize("poses", [1, 2])
-def test_so_are_those_of_one_pose_or_two(poses):
-    """The same rigid motion explains all of their reflectors."""
+@pytest.mark.parametrize(("poses", "targets", "told"), [(1, 3, False), (2, 1, False), (2, 3, True)])
+def test_so_are_those_of_two_poses(poses, targets, told):
+    """The same rigid motion explains their reflectors; that of one pose may be its joint row's.
+
+    Two points leave the turn about the line through them open.
+    """
     kept = set(np.unique(good().joints["pose"])[:poses])
     tables = {name: getattr(good(), name) for name in ("readings", "loads", "joints")}
     few = replace(
@@ -325,10 +328,14 @@ def test_so_are_those_of_one_pose_or_two(poses):
         },
     )
 
-    (found,) = placement(no_base(few))
+    gone = good().settings.measured[targets:]
+    few = replace(few, readings=few.readings[~few.readings["target"].isin(gone)])
 
-    assert found.where == "base_frame"
-    assert placement(found.correct(no_base(few))) == placement(few) == []
+    found = placement(no_base(few))
+
+    assert [one.where for one in found] == ["base_frame"] * told
+    assert placement(few) == []
+    assert all(placement(one.correct(no_base(few))) == [] for one in found)
 
 
 def test_a_wrong_unit_takes_the_files_covariances_along_and_no_others():

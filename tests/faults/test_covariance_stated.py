@@ -176,3 +176,12 @@ def test_one_target_that_moves_does_not_misstate_all_readings(name):
     points = rows[["x_m", "y_m", "z_m"]] + shift
 
     assert misstated(asked(replace(good(), readings=rows.assign(**points)))) == []
+
+
+def test_a_campaign_of_one_target_is_not_asked_without_it():
+    """Its repeated zeros scatter three times as stated, which no unit explains."""
+    rows = good().readings
+    gone = rows["target"].isin([name for name in good().settings.measured if name != "P1"])
+    C = covariance.matrices(rows[~gone]) / 9
+
+    assert misstated(asked(stated(replace(good(), readings=rows[~gone]), C))) == []

@@ -8,6 +8,13 @@ import pytest
 from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
+from pipeline.reduction.bring import bring
+from pipeline.run import ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+from pipeline.system.estimate import identify
+from pipeline.system.fit import beside_everything
+from pipeline.system.noise_shape import shape
 from pipeline.system.scatter import TOLERATED_FACTOR, scatter
 
 UNKNOWN = (1.0, np.inf)
@@ -150,3 +157,25 @@ def test_nothing_is_said_of_the_scale_from_fewer_than_ten_degrees_of_freedom(lef
     got = scatter(view(loud, rng.normal(size=(120, 117 - left))), loud, (1.0, 0.05))
 
     assert (got.force_p < 1.0) == told
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_few_readings_do_not_lose_the_scale_of_their_noise(seed):
+    """Three poses pulled once, by an instrument that is better than stated.
+
+    Each reading judges the others; how large they are all together, the sum of squares says.
+    """
+    plan = Plan(
+        poses={"count": 3},
+        pulls={"steps_n": [2500]},
+        tracker={"noise_scale": 0.6},
+        hidden={"stiffness_spread": 0.25},
+    )
+    files = simulate(plan, np.random.default_rng(seed)).files
+    case = ingested(in_memory(files), plausible=False)
+    data = bring(case).data
+    estimate = identify(case.cell, data, case.robot.nominal_compliance)[1]
+
+    found = shape(beside_everything(case.cell, data, estimate.value), ())
+
+    assert np.mean(found.variance) >= 0.5 * min(1.0, estimate.chi2 / estimate.dof) * (1 - 1e-9)
