@@ -263,7 +263,7 @@ def _tails(
         square, spread, good = estimates(beyond.base, readings)
         states, targets = _in_time(readings.state[good], data.pulls), readings.targets(data)[good]
         told, mean = family(likelihood(square, spread, variance)[good], states, data.paper, targets)
-        if len(mean) > 0 and beyond.base.dof < _FEW and np.mean(mean) < _COLLAPSED * least:
+        if beyond.base.dof < _FEW and mean.sum() < _COLLAPSED * least * len(mean):
             told, mean = Family.stated(data.paper), start[good]
         first = found if turn else told
         found = replace(
